@@ -89,18 +89,26 @@ def finite(name: str, value: object, expected: str = "a number") -> float:
     raise FoldcarError(f"{name}: {shown_value(value)} is not {expected}")
 
 
-def column_named(name: str, columns: Iterable[str], context: str) -> str:
-    """Return the column that ``name`` means: its full name, or without unit (``W_length``) or module (``length``).
+def _without_unit(column: str) -> str:
+    """Return the name of a design parameter's column without its unit, such as ``W_length`` of W_length_mm."""
+    key = key_of(column)
+    unit = "" if key is None else declared(key).unit
+    return column.removesuffix(f"_{unit}")
 
-    Raises FoldcarError, which starts with ``context``, if it means no column, or several.
+
+def column_named(name: str, columns: Iterable[str], context: str) -> str:
+    """Return the column of a design parameter that ``name`` means.
+
+    A column may be named in full (``W_length_mm``), without its unit (``W_length``), or without its module, too
+    (``length``). Raises FoldcarError, which starts with ``context``, if the name means no column, or several.
     """
     names = list(columns)
     if name in names:
         return name
-    units = {column: declared(key).unit for column in names if (key := key_of(column)) is not None}
-    short = {column: column.removesuffix(f"_{units.get(column, '')}") for column in names}
+    short = {column: _without_unit(column) for column in names}
     matches = [column for column in names if short[column] == name]
-    matches = matches or [column for column in names if short[column].endswith(f"_{name}")]
+    if not matches:
+        matches = [column for column in names if short[column].endswith(f"_{name}")]
     if len(matches) > 1:
         raise FoldcarError(f"{context}: {name} may be {' or '.join(matches)}; write the full name")
     if not matches:

@@ -1,6 +1,6 @@
 """Cars in Python, by type and values or as a listing's vehicle, and the simulator's input for their runs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -42,22 +42,33 @@ def design(type: str, /, **values: float) -> Design:
     """
     if not isinstance(type, str):
         raise FoldcarError(f'type: {shown_value(type)} is not a type string, such as "W_B_W"')
-    letters = set(modules_of(type))
-    # The parameters that all modules of a kind share.
-    key_by_column = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
-    # The parameters of single modules, such as W2, that the arguments name.
-    modules_named = {name.partition("_")[0] for name in values}
-    for module in modules_named:
-        for name in names_in(module):
-            parameter = find_parameter(module, name)
-            if parameter is not None and parameter.modules & letters:
-                key_by_column[parameter.column] = parameter.key
+    key_by_column = _parameter_keys(type, values)
     values_by_column = columns_named(values, key_by_column, f'design("{type}")')
     values_by_key = {key_by_column[column]: value for column, value in values_by_column.items()}
     car_design = compose(type, values_by_key)
     # This raises DesignError if the car cannot be folded.
     folded_car(car_design)
     return car_design
+
+
+def _parameter_keys(type_string: str, names: Iterable[str]) -> dict[str, str]:
+    """Return the keys of the parameters that a car of this type has, by their column in foldcar's tables.
+
+    A car has the parameters of its kinds of modules, such as ``W.length`` of all modules W. Besides, a parameter may be
+    set for a single module, such as ``W2.length``. The result has those of the modules with which ``names`` begin.
+    """
+    kinds_of_modules = set(modules_of(type_string))
+    key_by_column = {}
+    for key, parameter in parameters().items():
+        if parameter.modules & kinds_of_modules:
+            key_by_column[parameter.column] = key
+    single_modules = {name.partition("_")[0] for name in names}
+    for module in single_modules:
+        for parameter_name in names_in(module):
+            found = find_parameter(module, parameter_name)
+            if found is not None and found.modules & kinds_of_modules:
+                key_by_column[found.column] = found.key
+    return key_by_column
 
 
 def design_of(car: Design | Mapping[str, Any]) -> Design:
@@ -87,9 +98,9 @@ def body_and_settings(
     return _body_and_settings(
         design.type,
         tuple(design.values.items()),
-        finite("timeout_s", timeout_s),
-        None if speed_m_s is None else finite("speed_m_s", speed_m_s),
-        finite("yaw_rate_rad_s", yaw_rate_rad_s),
+        timeout_s=finite("timeout_s", timeout_s),
+        speed_m_s=None if speed_m_s is None else finite("speed_m_s", speed_m_s),
+        yaw_rate_rad_s=finite("yaw_rate_rad_s", yaw_rate_rad_s),
     )
 
 
@@ -110,20 +121,20 @@ def built_cars(count: int, variation: str | Mapping[str, float], variation_seed:
 
 @lru_cache(KEPT_DESIGNS)
 def _body_and_settings(
-    type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None
+    type_string: str, values: tuple[tuple[str, float], ...], **arguments: float | None
 ) -> tuple[str, str]:
     """Return the body and the settings of a design, as :func:`body_and_settings` does. Results are cached.
 
-    ``values`` are the design's parameters, in a form that can be cached. ``arguments`` are time limit, speed and yaw
-    rate, in the order of LISTING_KEYS; None stands for the default of a listing.
+    ``values`` are the design's parameters, in a form that can be cached. ``arguments`` are the other arguments of
+    :func:`body_and_settings` by name; None stands for the default of a listing.
     """
     design = compose(type_string, dict(values))
     body = body_json(design)
     # The arguments have the same limits as the values of a listing, so they are checked like these.
     listing_values = {}
-    for key, argument in zip(LISTING_KEYS.values(), arguments, strict=True):
+    for name, argument in arguments.items():
         if argument is not None:
-            listing_values[key] = argument
+            listing_values[LISTING_KEYS[name]] = argument
     try:
         params = ExperimentParams.model_validate(listing_values)
     except ValidationError as error:

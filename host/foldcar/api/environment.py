@@ -116,9 +116,10 @@ class Environment:
         return self._source.files.unchanged()
 
 
-# The environments in use. The processes of those that were asked for last wait for more runs: each takes about 150 MB.
-_opened: "weakref.WeakValueDictionary[str, Environment]" = weakref.WeakValueDictionary()
-_kept: deque[Environment] = deque(maxlen=4)
+# The environments that a program still uses, by program, parameters and seed.
+_environments: "weakref.WeakValueDictionary[str, Environment]" = weakref.WeakValueDictionary()
+# Those that were asked for last. Their processes wait for more runs; each takes about 150 MB.
+_latest: deque[Environment] = deque(maxlen=4)
 
 
 def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
@@ -143,16 +144,25 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
     # Threads that ask at the same time get the same object.
     with program_lock:
-        opened = _opened.get(key)
-        if opened is None or not opened.is_current:
-            opened = _opened[key] = Environment(file, values, number)
-        # Only the environments that were used last keep a process that waits for questions.
-        if opened in _kept:
-            _kept.remove(opened)
-        elif len(_kept) == _kept.maxlen:
-            _kept[0].end_waiting_processes()
-        _kept.append(opened)
-        return opened
+        result = _environments.get(key)
+        if result is None or not result.is_current:
+            result = Environment(file, values, number)
+            _environments[key] = result
+        _keep_processes_of_latest(result)
+        return result
+
+
+def _keep_processes_of_latest(asked_for: Environment) -> None:
+    """End the waiting processes of the environment that was asked for longest ago, if there are too many of them.
+
+    ``asked_for`` is the environment that was asked for now.
+    """
+    if asked_for in _latest:
+        _latest.remove(asked_for)
+    elif len(_latest) == _latest.maxlen:
+        # The next line drops this environment.
+        _latest[0].end_waiting_processes()
+    _latest.append(asked_for)
 
 
 def _environment_with(program: Path, seed: int, params: Mapping[str, Any]) -> Environment:

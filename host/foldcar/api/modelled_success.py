@@ -25,16 +25,18 @@ class ModelledSuccess:
         return f"success_model({', '.join(map(repr, self.parameters))})"
 
     def rates(self, values: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return the rate and its band (rate, low, high), each (m,) and 0 to 1, of m designs.
+        """Return the success rates of m designs and the ends of their bands: (rate, low, high), each (m,) and 0 to 1.
 
-        ``values`` are a row for each design, with the parameters in their order, or a pandas table whose columns have
-        their names. Raises FoldcarError if they are not, or outside the range of the designs.
+        ``values`` has a row for each design, with the values of the model's parameters in their order. It may also be a
+        pandas table whose columns have the parameters' names. Raises FoldcarError if it is neither, or if a value is
+        outside the range of the designs that were simulated.
         """
         level = checked_confidence(confidence)
-        names = getattr(values, "columns", None)
-        numbers: Any = values if names is None else values[self._columns(names)]  # type: ignore[call-overload,index]
+        table: Any = values
+        if hasattr(table, "columns"):
+            table = table[self._columns(table.columns)]
         try:
-            rows = numpy.asarray(numbers, dtype=float)
+            rows = numpy.asarray(table, dtype=float)
         except (TypeError, ValueError, OverflowError):
             raise FoldcarError(f"rates: {shown_value(values)} is not a row of numbers for each design") from None
         return self.model.rates(rows, level)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from foldcar.api.arguments import (
     checked_bool,
@@ -53,6 +53,17 @@ class Selections(list[Selection]):
         return "".join(selection._repr_html_() for selection in self)
 
 
+class StudyRow(NamedTuple):
+    """An experiment in the printed study, in texts: ``designs``, ``runs`` and ``trials`` are their numbers."""
+
+    experiment: str
+    vehicle: str
+    environment: str
+    designs: str
+    runs: str
+    trials: str
+
+
 class Study:
     """A store that `foldcar sweep` or `foldcar log` has written; its tables are read once.
 
@@ -72,28 +83,34 @@ class Study:
 
     def __repr__(self) -> str:
         lines = [
-            f"  experiment {name}: {vehicle}, {environment}, {designs}, {runs}, {trials}"
-            for name, vehicle, environment, designs, runs, trials in self._contents()
+            f"  experiment {row.experiment}: {row.vehicle}, {row.environment}, {row.designs}, {row.runs}, {row.trials}"
+            for row in self._contents()
         ]
         return "\n".join([f"Study({str(self.path)!r})", *lines])
 
     def _repr_html_(self) -> str:
         rows = list(self._contents())
-        table = table_html(("experiment", "vehicle", "environment", "designs", "runs", "trials"), rows) if rows else ""
-        return lines_html([f"Study {self.path.name}"]) + table + self._picture(rows[0][0] if rows else None)
+        table = table_html(StudyRow._fields, rows) if rows else ""
+        return lines_html([f"Study {self.path.name}"]) + table + self._picture(rows[0].experiment if rows else None)
 
-    def _contents(self) -> Iterator[tuple[str, str, str, str, str, str]]:
-        """Yield a row of texts for each experiment: id, vehicle, environment, and how many designs, runs and trials."""
+    def _contents(self) -> Iterator[StudyRow]:
+        """Yield a row for each experiment of the store."""
         trial_counts = Counter(self.trials["experiment"])
         # An experiment may have trials without having been swept.
         for name in dict.fromkeys([*self.experiments, *trial_counts]):
             info = self.experiments.get(name)
             trials_text = count_text(trial_counts[name], "trial")
             if info is None:
-                yield name, "", "", "no design", "no run", trials_text
+                yield StudyRow(name, vehicle="", environment="", designs="no design", runs="no run", trials=trials_text)
             else:
-                designs_text, runs_text = count_text(info.designs, "design"), count_text(info.stored_runs, "run")
-                yield name, info.vehicle_type, Path(info.scenic_program).name, designs_text, runs_text, trials_text
+                yield StudyRow(
+                    name,
+                    vehicle=info.vehicle_type,
+                    environment=Path(info.scenic_program).name,
+                    designs=count_text(info.designs, "design"),
+                    runs=count_text(info.stored_runs, "run"),
+                    trials=trials_text,
+                )
 
     def reload(self) -> None:
         """Forget the tables, so that the next access also reads new runs and trials.
@@ -294,14 +311,13 @@ class Study:
         columns = [column_named(name, _parameters(runs), "success_model") for name in parameters]
         if not columns:
             raise FoldcarError(f"success_model: name some of {', '.join(varied)}")
+        model_columns = list(dict.fromkeys([*columns, *varied]))
         # Runs with the same values of all parameters form a group, which is a design of the model.
-        groups = runs.groupby(list(dict.fromkeys([*columns, *varied])), sort=False)
-        # A row for each group, with its parameters.
-        values = groups.size().index.to_frame()
-        indices = tuple(values.columns.get_loc(column) for column in columns)
-        group_of_run = groups.ngroup()
+        groups = runs.groupby(model_columns, sort=False)
+        designs = runs[model_columns].drop_duplicates()
         has_passed = runs["passed"].astype(float)
-        effects = fit_effects(values.to_numpy(dtype=float), group_of_run, runs["sample"], has_passed)
+        effects = fit_effects(designs.to_numpy(dtype=float), groups.ngroup(), runs["sample"], has_passed)
+        indices = tuple(model_columns.index(column) for column in columns)
         return ModelledSuccess(tuple(columns), Standardised(effects, indices))
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":

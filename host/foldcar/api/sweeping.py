@@ -68,9 +68,10 @@ def planned_sweep(
     engine: str = "multibody",
     realities: int | None = None,
 ) -> Sweep:
-    """Plan the sweep that `foldcar sweep` simulates with these options. The store will keep ``command``.
+    """Plan the sweep that `foldcar sweep` simulates with these options, and return it.
 
-    Raises FoldcarError.
+    ``command`` is the user's command, which the store will keep. Raises FoldcarError if the listing or an option is
+    invalid.
     """
     if reality is not None and realities:
         raise FoldcarError("--realities: the runs of --reality are all in that reality; use only one of these options")
@@ -78,12 +79,14 @@ def planned_sweep(
     study = read_study(listing, experiment, environments)
     _check_same_study(study, store)
     study = engine_study(study, carsim)
+    # Makes the environment of an experiment. In another reality, its scenes and cars differ.
     environment_of: Callable[[Experiment], ExperimentEnvironment] = ExperimentEnvironment
     if reality is not None:
         from foldcar.study.reality_environment import RealityEnvironment, read_reality, study_in_reality
 
-        values = read_reality(reality, engine)
-        study, environment_of = study_in_reality(study, values), partial(RealityEnvironment, reality=values)
+        real_values = read_reality(reality, engine)
+        study = study_in_reality(study, real_values)
+        environment_of = partial(RealityEnvironment, reality=real_values)
     rules = stopping_rules(until, study) if until else {}
     return Sweep(study, store, carsim, command, environment_of, rules, realities)
 
@@ -91,13 +94,14 @@ def planned_sweep(
 def _check_same_study(study: ListedStudy, store: Path) -> None:
     """Raise FoldcarError if the store has the study of another listing, because a sweep would replace its experiments.
 
-    It is another listing if it has another name, and if no experiment has the same id and the same Scenic program.
+    A listing with another name may be the same listing, renamed. It is another one if none of its experiments has both
+    the id and the Scenic program of an experiment in the store.
     """
     if not store.is_file() or not store.stat().st_size:
         return
     with Store.open(store) as reader:
         name_row = next(reader.rows(STUDY, "WHERE key = 'listing_name'"), None)
-        # The name is compared first, because reading all facts takes long if the store is large.
+        # The names are compared first, because reading the experiments takes long if the store is large.
         if name_row is None or Path(name_row["value"]).name == Path(study.listing_name).name:
             return
         stored = reader.info()

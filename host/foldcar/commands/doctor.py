@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -29,6 +29,16 @@ if TYPE_CHECKING:
 
 # Simulated time (s) of a run by which the simulator's speed is measured, and the number of runs.
 SPEED_RUN_S, SPEED_RUNS = 5.0, 40
+# A measured time is raised to this, because of the clock's noise.
+MIN_COMPUTING_S = 1e-3
+# Level ground without obstacles and without a goal, so large that the car does not leave it.
+LEVEL_SCENE = {
+    "friction": 0.6,
+    "terrain": [],
+    "start": {"x_m": 0, "y_m": 0, "heading_rad": 0},
+    "goal": None,
+    "course": {"x_min_m": -1000, "x_max_m": 1000, "y_min_m": -1000, "y_max_m": 1000},
+}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 REINSTALL = "make setup; where the package is installed by itself: pip install --force-reinstall foldcar-….whl"
 # Packages of Debian and Ubuntu that Scenic's image library loads.
@@ -92,8 +102,16 @@ def _findings() -> Iterator[DoctorFinding]:
     yield from _reversed_servos()
     yield _simulator_with_mujoco(checkout)
     yield _tool("MAVProxy", _version("MAVProxy"), "only for driving by hand and `make test`", "pip install MAVProxy")
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    yield _tool("browser", browser, f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
+    yield _tool("browser", _browser(), f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
+
+
+def _browser() -> str | None:
+    """Return the path of the first of BROWSERS that is installed, or None if none is."""
+    for name in BROWSERS:
+        path = shutil.which(name)
+        if path is not None:
+            return path
+    return None
 
 
 def _tool(name: str, path: str | None, if_absent: str, advice: str) -> DoctorFinding:
@@ -115,22 +133,24 @@ def _packages() -> DoctorFinding:
         declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     except importlib.metadata.PackageNotFoundError:
         return DoctorFinding("packages", "missing", "foldcar itself is not installed as a package", REINSTALL)
-    # A package's marker says on which systems and for which extras it is needed. The core is needed without extras.
-    core = [package for package in declared if package.marker is None or package.marker.evaluate({"extra": ""})]
-    mismatches = [_mismatch(package) for package in core]
-    mismatches = [mismatch for mismatch in mismatches if mismatch]
+    # An extra is a set of optional packages; "" stands for no extra. A package of no extra is always needed.
+    required = [package for package in declared if _is_needed(package, extra="")]
+    mismatches = [text for text in map(_mismatch, required) if text]
     if mismatches:
         return DoctorFinding("packages", "missing", "; ".join(mismatches), REINSTALL)
-    optional = [package for package in declared if package not in core]
     absent_extras = []
     for extra in MODULES:
-        packages = [package for package in optional if package.marker and package.marker.evaluate({"extra": extra})]
-        if any(_mismatch(package) for package in packages):
+        if any(_is_needed(package, extra) and _mismatch(package) for package in declared):
             absent_extras.append(extra)
     if absent_extras:
         text = f"as declared, without the extras {', '.join(absent_extras)}: some commands need them"
         return DoctorFinding("packages", "absent", text, extras_command(absent_extras))
     return DoctorFinding("packages", "ok", "as declared, and all extras")
+
+
+def _is_needed(package: "Requirement", extra: str) -> bool:
+    """Return whether a declared package is needed on this system by an installation with this ``extra``."""
+    return package.marker is None or package.marker.evaluate({"extra": extra})
 
 
 def _mismatch(declared: "Requirement") -> str:
@@ -184,6 +204,14 @@ def _simulator(checkout: Path | None) -> DoctorFinding:
 
 def _speedup(carsim: "Carsim") -> float:
     """Return the ratio of simulated time to computing time of one simulator, for a car on level ground."""
+    # Both calls start carsim once, so the difference is the time of SPEED_RUNS runs.
+    single_s = _duration_s(carsim, runs=1)
+    computing_s = _duration_s(carsim, runs=1 + SPEED_RUNS) - single_s
+    return SPEED_RUNS * SPEED_RUN_S / max(MIN_COMPUTING_S, computing_s)
+
+
+def _duration_s(carsim: "Carsim", runs: int) -> float:
+    """Return how long carsim takes for so many equal runs on level ground, including its start (s)."""
     from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
     from foldcar.car.design import compose
     from foldcar.simulation.runner import RunRequest
@@ -191,29 +219,16 @@ def _speedup(carsim: "Carsim") -> float:
     # The car with two axles, of default size.
     design = compose("W_B_W", {})
     body = body_json(design)
-    settings: dict[str, Any] = {"speed_m_s": full_speed_m_s(design), "time_limit_s": SPEED_RUN_S}
-    settings["parameters"] = firmware_parameters(design, body)
-    course = {"x_min_m": -1000, "x_max_m": 1000, "y_min_m": -1000, "y_max_m": 1000}
-    scene = {
-        "friction": 0.6,
-        "terrain": [],
-        "start": {"x_m": 0, "y_m": 0, "heading_rad": 0},
-        "goal": None,
-        "course": course,
+    settings = {
+        "speed_m_s": full_speed_m_s(design),
+        "time_limit_s": SPEED_RUN_S,
+        "parameters": firmware_parameters(design, body),
     }
-    bodies, scenes = {"body": json.dumps(body)}, {"scene": json.dumps(scene)}
+    bodies, scenes = {"body": json.dumps(body)}, {"scene": json.dumps(LEVEL_SCENE)}
     request = RunRequest(body="body", scene="scene", settings=json.dumps(settings), label="speed", sample=0)
-
-    def duration_s(runs: int) -> float:
-        """Return how long carsim takes for this number of runs, including its start (s)."""
-        started_s = time.perf_counter()
-        carsim.run(bodies, scenes, [request] * runs)
-        return time.perf_counter() - started_s
-
-    # Both calls start carsim once, so the difference is the time of SPEED_RUNS runs.
-    single_s = duration_s(1)
-    computing_s = duration_s(1 + SPEED_RUNS) - single_s
-    return SPEED_RUNS * SPEED_RUN_S / max(1e-3, computing_s)
+    started_s = time.perf_counter()
+    carsim.run(bodies, scenes, [request] * runs)
+    return time.perf_counter() - started_s
 
 
 def _reversed_servos() -> Iterator[DoctorFinding]:

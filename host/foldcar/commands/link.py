@@ -66,7 +66,7 @@ def link(
     sample_count = min(run.experiment.environments, MAX_SAMPLES)
     # The car starts in the first world; the host may move it to the others.
     samples = [sample, *(other for other in range(sample_count) if other != sample)]
-    worlds = [_world(run, world_sample, real_values, car_name) for world_sample in samples]
+    worlds = [_scene_and_reality(run, world_sample, real_values, car_name) for world_sample in samples]
     # carsim ends when the process that reads its output ends: see sim2d/src/reader_watch.h.
     design, stdin = car_json(run.design), sys.stdin.fileno()
     with (
@@ -88,21 +88,30 @@ def link(
         raise CarsimError(f"{run.carsim.binary} link: {reason}")
 
 
-def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
-    """Return the scene of sample ``k``, and the reality: how car and ground differ from design and scene.
+def _scene_and_reality(
+    run: ListedRun, sample: int, values: Mapping[str, float] | None, car: str | None
+) -> tuple[Any, Any]:
+    """Return the scene of a sample, and the reality: how car and ground differ from design and scene.
 
     The scene has the id that `foldcar log` expects. ``values`` are the parameters of a reality file, or None if none was
-    given. ``car`` is the name of a car, which then differs from its design in the same way in all samples. If it is None,
-    each sample has a car of its own.
+    given. ``car`` is the name of a built car, which is the same in all samples. If it is None, each sample has another
+    car of the design.
     """
     from foldcar.belief.reality import drawn_reality
     from foldcar.car.variation import named_car
     from foldcar.scenes.fingerprint import scene_name
 
-    experiment, scene = run.experiment, run.environment.sample(k)
+    scene = run.environment.sample(sample)
+    scene_with_id = {**scene, "id": scene_name(scene, sample)}
     if values is None:
-        reality = run.variation_in(k, car)
-    else:
-        drawn_car = k if car is None else named_car(car)
-        reality = drawn_reality(values, experiment.variation, experiment.variation_seed, drive=k, car=drawn_car)
-    return {**scene, "id": scene_name(scene, k)}, reality
+        return scene_with_id, run.variation_in(sample, car)
+    experiment = run.experiment
+    reality = drawn_reality(
+        values,
+        listed=experiment.variation,
+        seed=experiment.variation_seed,
+        drive=sample,
+        # What identifies the car among all cars of the design.
+        car=sample if car is None else named_car(car),
+    )
+    return scene_with_id, reality

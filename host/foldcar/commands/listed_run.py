@@ -77,10 +77,12 @@ class ListedRun:
 def listed_run(
     listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody"
 ) -> ListedRun:
-    """Return the run that options name: sample the scene and start the simulator.
+    """Return the run that a command's options name: sample the scene and start the simulator.
 
-    Raises FoldcarError if the settings leave several designs, or the Scenic program has an error.
+    ``settings`` (NAME=VALUE) choose one of the designs of the experiment's family. Raises FoldcarError if they leave
+    several designs, or if the Scenic program has an error.
     """
+    from foldcar.car.body import body_json
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import ExperimentEnvironment
     from foldcar.study.experiments import read_study
@@ -91,19 +93,18 @@ def listed_run(
     for text in listed_experiment.family.outside(chosen):
         print_note(text)
     environment = ExperimentEnvironment(listed_experiment)
+    # The scene is sampled before the simulator starts, so that an error of the program is reported first.
     variation, scene = environment.variation(sample), environment.sample(sample)
-    carsim = Carsim(engine=engine)
-    run_without_body = ListedRun(
-        carsim=carsim,
+    return ListedRun(
+        carsim=Carsim(engine=engine),
         experiment=listed_experiment,
         design=design,
         environment=environment,
-        body={},
+        body=body_json(design),
         variation=variation,
         scene=scene,
         sample=sample,
     )
-    return run_without_body.with_design(design)
 
 
 @dataclass(frozen=True)
@@ -172,25 +173,29 @@ def simulated_run(listed: ListedRun) -> tuple[RunInput, dict[str, Any]]:
 def listed_families(
     listing: Path, vehicle: str | None, settings: Sequence[str] | None, every: bool = True
 ) -> "tuple[Listing, list[Family]]":
-    """Return the data of a listing, and the families of the chosen vehicles. A family consists of a vehicle's designs.
+    """Return the data of a listing, and a family for each chosen vehicle: all designs of the vehicle.
 
-    ``vehicle`` is the name of the chosen vehicle. If it is None, all vehicles of the listing are chosen. But if ``every``
-    is False, the listing must then have only one vehicle. ``settings`` (NAME=MM) fix parameters of the families. Raises
-    FoldcarError if the vehicle or a setting does not exist.
+    ``vehicle`` is the name of the chosen vehicle. If it is None, all vehicles of the listing are chosen, if ``every`` is
+    True; otherwise its only vehicle. ``settings`` (NAME=MM) fix parameters of the families. Raises FoldcarError if the
+    vehicle or a setting does not exist, or if one vehicle is to be chosen and there are several.
     """
     from foldcar.study.family import read_family
     from foldcar.study.listing_file import read_listing
 
     listing_data, _ = read_listing(listing)
-    vehicle_names = ", ".join(listing_data.vehicles)
-    if vehicle is None and not every and len(listing_data.vehicles) != 1:
-        raise FoldcarError(f"{listing}: has several vehicles; choose one with --vehicle: {vehicle_names}")
-    if vehicle is not None and vehicle not in listing_data.vehicles:
-        close = did_you_mean(vehicle, listing_data.vehicles)
-        raise FoldcarError(f'{listing}: has no vehicle "{vehicle}"; known: {vehicle_names}{close}')
+    all_vehicles = list(listing_data.vehicles)
+    if vehicle is None:
+        chosen_vehicles = all_vehicles
+        if not every and len(all_vehicles) != 1:
+            raise FoldcarError(f"{listing}: has several vehicles; choose one with --vehicle: {', '.join(all_vehicles)}")
+    else:
+        chosen_vehicles = [vehicle]
+        if vehicle not in all_vehicles:
+            close = did_you_mean(vehicle, all_vehicles)
+            raise FoldcarError(f'{listing}: has no vehicle "{vehicle}"; known: {", ".join(all_vehicles)}{close}')
     chosen_settings = design_settings(settings)
     families = []
-    for name in listing_data.vehicles if vehicle is None else [vehicle]:
+    for name in chosen_vehicles:
         family = read_family(listing, name, listing_data.vehicles[name])
         families.append(family.narrowed(chosen_settings))
     return listing_data, families

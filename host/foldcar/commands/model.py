@@ -116,18 +116,31 @@ def _drive(
     from foldcar.study.experiments import read_study
 
     carsim, body = Carsim(), body_json(design)
-    settings: dict[str, Any] = {
-        "speed_m_s": full_speed_m_s(design),
-        "time_limit_s": TIME_LIMIT_S,
-        "parameters": firmware_parameters(design, body),
-    }
-    for name, experiment_entry in listed.experiments.items():
-        if experiment_entry.veh_id == vehicle and environment in (None, experiment_entry.env_id):
-            (experiment,) = read_study(file, name).experiments
-            settings = experiment.settings(design, body, carsim.parameter_table())
-            break
+    experiment_name = _first_experiment(listed, vehicle, environment)
+    settings: dict[str, Any]
+    if experiment_name is None:
+        settings = {
+            "speed_m_s": full_speed_m_s(design),
+            "time_limit_s": TIME_LIMIT_S,
+            "parameters": firmware_parameters(design, body),
+        }
+    else:
+        (experiment,) = read_study(file, experiment_name).experiments
+        settings = experiment.settings(design, body, carsim.parameter_table())
+    # carsim answers with the pulses that the firmware would give to the servos.
     (pulses,) = ask_pulses(carsim, [settings])
     return pulses, carsim.limits().trial.settling_s
+
+
+def _first_experiment(listed: "listings.Listing", vehicle: str, environment: str | None) -> str | None:
+    """Return the name of the listing's first experiment with this vehicle and environment, or None.
+
+    If ``environment`` is None, any environment will do.
+    """
+    for name, experiment in listed.experiments.items():
+        if experiment.veh_id == vehicle and environment in (None, experiment.env_id):
+            return name
+    return None
 
 
 def _scene(file: Path, listing_data: "listings.Listing", environment: str | None, sample: int) -> dict[str, Any] | None:

@@ -2,6 +2,7 @@
 
 import shlex
 import shutil
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -73,25 +74,35 @@ def new(
         raise FoldcarError(f"{folder}: is not empty; name a new folder")
     names, commands = (FILES, FIRST_COMMANDS) if example is None else EXAMPLES[example]
     # A clone of the project has the files of the examples at their places; an installed package has copies.
-    examples_source = source_tree() or PACKAGE / "examples"
-    source = files("foldcar.study") / "starter" if example is None else examples_source
+    examples_folder = source_tree() or PACKAGE / "examples"
+    source = files("foldcar.study") / "starter" if example is None else examples_folder
     try:
         contents = {name: (source / name).read_bytes() for name in names}
     except OSError as error:
         raise FoldcarError(f"--example: {error.filename} is not in this installation") from error
-    was_created = make_output_folder(folder)
-    try:
-        for name, content in contents.items():
-            (folder / name).parent.mkdir(exist_ok=True)
-            (folder / name).write_bytes(content)
-    except (OSError, KeyboardInterrupt) as error:
-        _remove(folder, was_created)
-        if isinstance(error, KeyboardInterrupt):
-            raise
-        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    _write_files(folder, contents)
     lines = [f"{folder}: {', '.join(names)}; now type:", f"  cd {shlex.quote(str(folder))}"]
     lines += [f"  {command}" for command in commands]
     print_lines(*lines)
+
+
+def _write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write files with these ``contents``, by their names, into an empty or new folder.
+
+    If this fails or is interrupted, everything that was written is removed again. Raises FoldcarError.
+    """
+    was_created = make_output_folder(folder)
+    try:
+        for name, content in contents.items():
+            file = folder / name
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(content)
+    except KeyboardInterrupt:
+        _remove(folder, was_created)
+        raise
+    except OSError as error:
+        _remove(folder, was_created)
+        raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def _remove(folder: Path, was_created: bool) -> None:

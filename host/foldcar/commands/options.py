@@ -248,8 +248,8 @@ SimulatedTrials = Annotated[
 def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
     """Raise FoldcarError if ``--scheduler`` has an invalid value, or is used with ``--jobs``.
 
-    If there is a scheduler, samples are drawn in another process from now on: the scheduler's threads in this process use
-    the same random generators.
+    If there is a scheduler, another process samples the scenes from now on. In this process, the scheduler's threads
+    would draw from the same random generators, so that the scenes would not be repeatable.
     """
     if scheduler is not None:
         from foldcar.scenes.fixed_hash import draw_elsewhere

@@ -85,8 +85,9 @@ def confirm(port: Port = None) -> None:
         if design.source == dialect.FOLDCAR_DESIGN_SOURCE_REFUSED:
             raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
         fault = car.fault_text()
-        # The source is "none" if a person has already confirmed that the car drives without its file.
-        if design.source != dialect.FOLDCAR_DESIGN_SOURCE_NONE:
+        # With this source, a person has confirmed already that the car drives without its file.
+        is_confirmed = design.source == dialect.FOLDCAR_DESIGN_SOURCE_NONE
+        if not is_confirmed:
             car.acknowledge_fault(without_design=True)
         values = read_parameters(car)
     names = ("WHEEL_RADIUS_M", "TRACK_M", *(f"CH{n}_SIDE" for n in range(1, CHANNELS + 1)))

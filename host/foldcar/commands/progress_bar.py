@@ -79,19 +79,22 @@ class ProgressBar(TerminalBar):
     def __init__(self, progress: "study.Progress", designs: int | None = None, label: str = "sweep") -> None:
         """``designs`` is how many designs the stopping rule has to decide; None without a stopping rule."""
         super().__init__(label, progress.total)
-        self._designs = designs
+        self._designs_to_decide = designs
         self._realities: TaskID | None = None
 
     def update(self, progress: "study.Progress") -> None:
-        """Display the sweep's counts."""
+        """Display the sweep's counts, with a text on its state at the end of the bar.
+
+        With a stopping rule, the text says how many designs are decided; without one, how many of the runs have passed.
+        """
         from foldcar.statistics.words import percent
 
+        all_have_rates = progress.judged == progress.total and not progress.rejected
         state = ""
-        # None without a stopping rule.
-        if self._designs is not None:
-            state = f"{progress.decided} of {self._designs} designs decided"
-        # While some experiments define no success, or runs were rejected, a rate could mislead: it is printed at the end.
-        elif progress.done and progress.judged == progress.total and not progress.rejected:
+        if self._designs_to_decide is not None:
+            state = f"{progress.decided} of {self._designs_to_decide} designs decided"
+        elif progress.done and all_have_rates:
+            # A rate of only some of the runs could mislead, so it is printed at the end.
             state = f"{percent(progress.passed / progress.done)} passed"
         self.show(progress.done, progress.new, progress.seconds, state)
         self._show_realities(list(progress.realities.values()))

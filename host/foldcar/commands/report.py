@@ -120,26 +120,35 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
     from foldcar.shown_console import ResultTable
 
     designs = experiment["designs"]
-    driven = any(designs["trials"])
-    # The outcomes that occur. Code 0 is "passed", which has a column of its own.
-    outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
-    trial_titles = ["trials", "cars"] if driven else []
+    has_trials = any(designs["trials"])
+    # The numbers of runs of each design, by the outcome's label.
+    runs_by_label = {}
+    for code, label in enumerate(experiment["outcome_labels"]):
+        runs_of_designs = designs["outcomes"][code]
+        # The first outcome is "passed", which has a column of its own.
+        if code > 0 and any(runs_of_designs):
+            runs_by_label[label] = runs_of_designs
+    trial_titles = ["trials", "cars"] if has_trials else []
     titles = ["runs", "passed %", "95 % interval", *trial_titles, "built cars %"]
-    outcome_titles = [experiment["outcome_labels"][code] for code in outcome_codes]
-    table = ResultTable("design", *titles, *outcome_titles, left=("design",))
-    for i in _best_first(experiment)[:MAX_DESIGNS]:
-        cells = [str(designs["runs"][i]), *_rate(experiment, i)]
-        if driven:
-            trials = designs["trials"][i]
-            cells.append(f"{designs['trials_passed'][i]} of {trials}" if trials else "-")
-            cells.append(str(designs["cars"][i] or "-"))
-        if designs["belief"][i] is None:
-            cells.append("-")
-        else:
-            rate, low, high = (percent_number(designs[key][i]) for key in ("belief", "belief_low", "belief_high"))
-            cells.append(f"{rate} ({low}–{high})")
-        table.add_row(designs["name"][i], *cells, *(str(designs["outcomes"][code][i]) for code in outcome_codes))
+    table = ResultTable("design", *titles, *runs_by_label, left=("design",))
+    for index in _best_first(experiment)[:MAX_DESIGNS]:
+        cells = [designs["name"][index], str(designs["runs"][index]), *_rate(experiment, index)]
+        if has_trials:
+            trials = designs["trials"][index]
+            cells.append(f"{designs['trials_passed'][index]} of {trials}" if trials else "-")
+            cells.append(str(designs["cars"][index] or "-"))
+        cells.append(_built_rate(designs, index))
+        cells += [str(runs_of_designs[index]) for runs_of_designs in runs_by_label.values()]
+        table.add_row(*cells)
     return table
+
+
+def _built_rate(designs: Mapping[str, Any], index: int) -> str:
+    """Return the rate (%) of built cars of the design with this index, and its interval, as text; "-" if unknown."""
+    if designs["belief"][index] is None:
+        return "-"
+    rate, low, high = (percent_number(designs[key][index]) for key in ("belief", "belief_low", "belief_high"))
+    return f"{rate} ({low}–{high})"
 
 
 def _best_first(experiment: Mapping[str, Any]) -> list[int]:

@@ -29,6 +29,7 @@ from foldcar.study.limits import MAX_REALITIES
 
 if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
+    from foldcar.study.dry_run import SweepEstimate
     from foldcar.study.experiment_runs import Progress
     from foldcar.study.experiments import Experiment
     from foldcar.study.reality_runs import RealityCounts
@@ -100,6 +101,21 @@ def sweep(
     _sweep(planned, scheduler, jobs, as_json)
 
 
+def _stopped_text(planned: "Sweep") -> str:
+    """Return the message after Ctrl-C: how many of the planned runs are stored."""
+    progress = planned.progress
+    # A stopping rule may make fewer runs.
+    at_most = "at most " if planned.until else ""
+    in_realities = list(progress.realities.values())
+    planned_in_realities = sum(counts.total for counts in in_realities)
+    realities_text = ""
+    if planned_in_realities:
+        stored_in_realities = sum(counts.done for counts in in_realities)
+        realities_text = f", and {stored_in_realities:,} of {planned_in_realities:,} in other realities,"
+    stored_text = f"{progress.done:,} of {at_most}{progress.total:,} runs{realities_text} are stored in {planned.store}"
+    return f"stopped: {stored_text}; the same command resumes"
+
+
 def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
     """Estimate the sweep with ``jobs`` simulators, and print its designs, runs, time and size."""
     from foldcar.commands.progress_bar import working
@@ -108,22 +124,11 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
 
     with working("folding designs and simulating a few runs"):
         results = estimates(planned, jobs)
-    seconds, size = sum(estimate.seconds for estimate in results), sum(estimate.bytes for estimate in results)
+    seconds = sum(estimate.seconds for estimate in results)
+    size = sum(estimate.bytes for estimate in results)
     lines = []
     for estimate in results:
-        runs_text = count(estimate.runs, "run")
-        lines.append(
-            f"experiment {estimate.experiment}: {count(estimate.designs, 'design')}, {runs_text} if all can be built"
-        )
-        if estimate.realities:
-            at_most = "up to " if planned.realities is None else ""
-            lines.append(f"  and {at_most}{count(estimate.realities, 'run')} in other realities")
-        if estimate.folded < estimate.designs:
-            folding_text = duration_text(estimate.folding_s)
-            lines.append(f"  {estimate.folded:,} of them were folded as a sample; folding all takes about {folding_text}")
-        if estimate.refused:
-            lines.append(f"  {len(estimate.refused):,} of {estimate.folded:,} cannot be built and would be skipped:")
-            lines += [f"    {reason}" for reason in estimate.refused]
+        lines += _estimate_lines(estimate, up_to_realities=planned.realities is None)
     lines.append(f"about {duration_text(seconds)} with {count(jobs, 'simulator')}; the store about {size / 1e6:.1f} MB")
     lines.append("This is an estimate from a few runs; nothing was written. Runs that the store has are not repeated.")
     print_result(
@@ -138,6 +143,27 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
     )
 
 
+def _estimate_lines(estimate: "SweepEstimate", up_to_realities: bool) -> list[str]:
+    """Return the lines on an experiment: its designs and runs, the time to fold its cars, and cars that are refused.
+
+    ``up_to_realities`` is whether there may be fewer runs in other realities than estimated.
+    """
+    from foldcar.statistics.words import count, duration_text
+
+    designs_text, runs_text = count(estimate.designs, "design"), count(estimate.runs, "run")
+    lines = [f"experiment {estimate.experiment}: {designs_text}, {runs_text} if all can be built"]
+    if estimate.realities:
+        up_to = "up to " if up_to_realities else ""
+        lines.append(f"  and {up_to}{count(estimate.realities, 'run')} in other realities")
+    if estimate.folded < estimate.designs:
+        folding_text = duration_text(estimate.folding_s)
+        lines.append(f"  {estimate.folded:,} of them were folded as a sample; folding all takes about {folding_text}")
+    if estimate.refused:
+        lines.append(f"  {len(estimate.refused):,} of {estimate.folded:,} cannot be built and would be skipped:")
+        lines += [f"    {reason}" for reason in estimate.refused]
+    return lines
+
+
 def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
     """Simulate a planned sweep and print the result. Exits with code 1 if runs have failed."""
     from foldcar.commands.progress_bar import ProgressBar
@@ -147,22 +173,9 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
         _announce_folding(planned)
     store, rules = planned.store, planned.until
     progress, max_runs = planned.progress, planned.progress.total
-
-    def stopped() -> str:
-        """Return the message after Ctrl-C: how many of the runs are stored."""
-        total = f"at most {progress.total:,}" if rules else f"{progress.total:,}"
-        counts = progress.realities.values()
-        planned_realities = sum(count.total for count in counts)
-        stored_realities = sum(count.done for count in counts)
-        realities_text = ""
-        if planned_realities:
-            realities_text = f", and {stored_realities:,} of {planned_realities:,} in other realities,"
-        stored_text = f"{progress.done:,} of {total} runs{realities_text} are stored in {store}"
-        return f"stopped: {stored_text}; the same command resumes"
-
     designs_to_decide = sum(len(designs) for designs in planned.designs.values()) if rules else None
     with (
-        message_on_signal(stopped),
+        message_on_signal(lambda: _stopped_text(planned)),
         ProgressBar(progress, designs_to_decide) as bar,
         simulators(scheduler, jobs, planned.carsim, bar.print_line) as places,
     ):
@@ -230,9 +243,10 @@ def _counts(progress: "Progress", with_success: bool) -> str:
 
 
 def _success(progress: "Progress") -> str:
-    """Return a text with the success rate of the runs that count, and the number of runs without a rate.
+    """Return a text with the success rate of the judged runs: those that either passed or did not pass.
 
-    Rejected runs do not count, nor do runs of environments that define no success.
+    Not judged are rejected runs, and runs in environments that do not define success. The text also has the number of
+    the latter.
     """
     from foldcar.statistics.words import percent
 
@@ -285,12 +299,14 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
         yield f"experiment {experiment}: {runs}; too few to learn the success rate of built cars"
         yield f"  at least {MIN_LEARNED} are needed: --realities {STAGES[0]}"
         return
-    error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
-    if counts.error is not None and round(100 * counts.error, 1) == 0:
-        # The error is measured in groups of runs. Here their differences are not larger than chance alone would make
-        # them.
+    if counts.error is None:
+        error = "an unknown error"
+    elif round(100 * counts.error, 1) > 0:
+        error = f"an error of {100 * counts.error:.1f} points"
+    else:
+        # The error is measured by comparing the learned rate with groups of runs. They differ, but only by chance.
         error = f"an error that is too small to be measured by {count(counts.total // BLOCK, 'group')} of runs"
-    yield (f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}")
+    yield f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}"
     more = offered_runs(counts.total, counts.error)
     if more is not None:
         yield f"  more runs make the error smaller: --realities {more}"

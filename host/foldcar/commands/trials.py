@@ -50,29 +50,32 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
     from foldcar.store.reader import Store
 
     with Store.open(store) as reader:
+        # The names of the parameters that vary in each experiment.
         infos = reader.info().experiments.values() if reader.holds_study() else ()
         varied_of = {info.listed_id: list(info.varied) for info in infos}
-        rows = list(reader.trials(experiment))
-        if experiment is not None and not rows:
+        trials_of_store = list(reader.trials(experiment))
+        if experiment is not None and not trials_of_store:
             known_text = ", ".join(dict.fromkeys(trial.experiment for trial in reader.trials())) or "none"
             raise FoldcarError(
                 f'{store}: has no trials of experiment "{experiment}"; experiments with trials: {known_text}'
             )
-        corrected_ids = {trial.id for trial in rows if trial.corrections}
-        corrections = [correction for correction in reader.corrections() if correction.trial in corrected_ids]
-        trial_ids = {trial.id for trial in rows}
-        media = [(item, referred_file(store, item.file).is_file()) for item in reader.media() if item.trial in trial_ids]
-    if not as_json:
-        print_trials(rows, varied_of)
-    result = {
-        "trials": [asdict(item) for item in rows],
-        "corrections": [asdict(item) for item in corrections],
-        "media": [{**asdict(item), "missing": not exists} for item, exists in media],
-    }
+        trial_ids = {trial.id for trial in trials_of_store}
+        corrections = [correction for correction in reader.corrections() if correction.trial in trial_ids]
+        all_media = [media for media in reader.media() if media.trial in trial_ids]
+    media_rows = []
     lines = [correction_text(correction) for correction in corrections]
-    for item, exists in media:
-        missing_text = "" if exists else " (missing)"
-        lines.append(f"trial {item.trial}: {item.kind} {shown_line(item.file)}{missing_text}")
+    for media in all_media:
+        is_missing = not referred_file(store, media.file).is_file()
+        media_rows.append({**asdict(media), "missing": is_missing})
+        missing_text = " (missing)" if is_missing else ""
+        lines.append(f"trial {media.trial}: {media.kind} {shown_line(media.file)}{missing_text}")
+    if not as_json:
+        print_trials(trials_of_store, varied_of)
+    result = {
+        "trials": [asdict(trial) for trial in trials_of_store],
+        "corrections": [asdict(correction) for correction in corrections],
+        "media": media_rows,
+    }
     print_result(as_json, result, *lines)
 
 

@@ -93,9 +93,12 @@ def shaded(ground: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
     """
     colours = scale.to_rgba(ground.z_m * 1e3)[..., :3]
     slope_y, slope_x = numpy.gradient(ground.z_m * STEEPER, ground.cell_m)
+    # The light is the cosine of the angle between the ground's normal (-slope_x, -slope_y, 1) and the direction of the
+    # light, which is their scalar product divided by the length of the normal (Lambert's law).
     slope_to_light = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))
-    level_light = numpy.sin(ALTITUDE_RAD)
-    # Lambert's cosine law, relative to level ground.
-    relative_light = (level_light - slope_to_light) / numpy.sqrt(1 + slope_x**2 + slope_y**2) - level_light
-    result: NDArray[Any] = numpy.clip(colours * (1 + SHADE * relative_light)[..., None], 0.0, 1.0)
+    light_on_level_ground = numpy.sin(ALTITUDE_RAD)
+    normal_length = numpy.sqrt(1 + slope_x**2 + slope_y**2)
+    light = (light_on_level_ground - slope_to_light) / normal_length
+    brightness = 1 + SHADE * (light - light_on_level_ground)
+    result: NDArray[Any] = numpy.clip(colours * brightness[..., None], 0.0, 1.0)
     return result

@@ -74,23 +74,29 @@ def _draw_obstacle(axes: Any, letter: str, obstacle: Obstacle, edge_m: Sequence[
     axes.plot(*zip(*edge_m, strict=True), ".-", color=ACCENT, markersize=7, zorder=7)
     middle_y_m = sum(y_m for _, y_m in edge_m) / len(edge_m)
     for x_m, y_m in edge_m:
-        is_long = abs(y_m - middle_y_m) > LONG_M
-        # The text of an upper end is above it, that of a lower end below it. A long edge may end where the picture ends,
-        # so there the texts are on the inner sides.
         is_upper_end = y_m >= middle_y_m
-        above = not is_upper_end if is_long else is_upper_end
-        right = x_m > obstacle.x_m
-        axes.annotate(
-            f"{round(1000 * x_m)}, {round(1000 * y_m)}",
-            (x_m, y_m),
-            (4 if right else -4, 5 if above else -5),
-            textcoords="offset points",
-            ha="left" if right else "right",
-            va="bottom" if above else "top",
-            fontsize=8,
-            zorder=8,
-            bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1},
-        )
+        is_long = abs(y_m - middle_y_m) > LONG_M
+        # The texts stand outside of the edge: above its upper end and below its lower end. But a long edge may end where
+        # the picture ends, so its texts stand inside: below its upper end and above its lower end.
+        is_text_above = is_upper_end != is_long
+        _write_position(axes, x_m, y_m, is_text_above, is_text_right=x_m > obstacle.x_m)
+
+
+def _write_position(axes: Any, x_m: float, y_m: float, is_text_above: bool, is_text_right: bool) -> None:
+    """Write the position of a point (mm) beside it: above or below it, and right or left of it."""
+    # The offset of the text from the point, in points of type.
+    offset = (4 if is_text_right else -4, 5 if is_text_above else -5)
+    axes.annotate(
+        f"{round(1000 * x_m)}, {round(1000 * y_m)}",
+        (x_m, y_m),
+        offset,
+        textcoords="offset points",
+        ha="left" if is_text_right else "right",
+        va="bottom" if is_text_above else "top",
+        fontsize=8,
+        zorder=8,
+        bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1},
+    )
 
 
 def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: float) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 from foldcar.errors import FoldcarError
 from foldcar.figures.ground import height_map, height_scale
 from foldcar.figures.output import check_format, save_figure
-from foldcar.figures.profile import driven_line, strip_heights_m, travelled_m
+from foldcar.figures.profile import Line, driven_line, strip_heights_m, travelled_m
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_LABELS, drawing_style
 from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.simulation.heights import Heights
@@ -86,42 +86,50 @@ def poses_to_draw(distances_m: Sequence[float], spacing_m: float) -> list[int]:
     return drawn_rows if last == 0 else [*drawn_rows, last]
 
 
-def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
-    """Return the pose of each segment at a row of the path, seen from the right.
+class SegmentPose(NamedTuple):
+    """How a segment is turned and moved, seen from the right, compared with the flat car whose origin is at (0, 0).
 
-    A pose is a (2, 2) matrix ``turn`` and a (2,) position ``origin`` relative to the car's origin (m): the point
-    (x, z) of the car with flat hinges is at ``(x, z) @ turn + origin``.
+    ``turn`` (2, 2) turns points (x, z) as row vectors, and ``origin`` (2,) is added to them (m).
     """
+
+    turn: Any
+    origin: Any
+
+    def moved(self, points: Any) -> Any:
+        """Return the places of points (x, z) of the flat car, one (2,) or several (n, 2), in this pose."""
+        return points @ self.turn + self.origin
+
+
+def segment_places(body: Mapping[str, Any], row: Any) -> list[SegmentPose]:
+    """Return the pose of each segment at a row of the path, relative to the car's origin."""
     segments, hinges = body["segments"], body["hinges"]
-    # The main segment contains the car's origin, or is the nearest to it.
+    # The main segment contains the car's origin, or is the nearest to it. It has the car's pose.
     gaps_m = [max(0.0, abs(segment["x_m"]) - segment["length_m"] / 2) for segment in segments]
     main = gaps_m.index(min(gaps_m))
     # A row is time, x, y, z, heading, pitch, roll, hinge angles.
     pitch_rad = float(row[5])
     hinge_angles_rad = [float(angle_rad) for angle_rad in row[7 : 7 + len(hinges)]]
-    # The main segment has the car's pose. A hinge lies between a segment and the next one behind it.
     pitches_rad = {main: pitch_rad}
-    poses: dict[int, tuple[Any, Any]] = {main: (_turn(pitch_rad), numpy.zeros(2))}
-
-    def place_neighbour(segment: int, neighbour: int, hinge: int) -> None:
-        """Compute pitch and pose of ``neighbour`` from those of ``segment``; ``hinge`` joins both."""
-        # A hinge angle is positive with the front segment's nose up.
-        is_in_front = neighbour < segment
-        angle_rad = hinge_angles_rad[hinge] if is_in_front else -hinge_angles_rad[hinge]
-        pitches_rad[neighbour] = pitches_rad[segment] + angle_rad
-        turn, origin = poses[segment]
-        neighbour_turn = _turn(pitches_rad[neighbour])
-        # The hinge belongs to both segments, so both poses must put it at the same point.
-        joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
-        joint_place = joint @ turn + origin
-        neighbour_origin = joint_place - joint @ neighbour_turn
-        poses[neighbour] = neighbour_turn, neighbour_origin
-
-    for segment in range(main, len(segments) - 1):
-        place_neighbour(segment, neighbour=segment + 1, hinge=segment)
-    for segment in range(main, 0, -1):
-        place_neighbour(segment, neighbour=segment - 1, hinge=segment - 1)
+    poses = {main: SegmentPose(_turn(pitch_rad), numpy.zeros(2))}
+    # A hinge lies between the segment with the same index and the next one behind it. Its angle is positive if the nose
+    # of the front segment is up. First the segments behind the main one, then those in front of it.
+    for index in range(main, len(segments) - 1):
+        pitches_rad[index + 1] = pitches_rad[index] - hinge_angles_rad[index]
+        poses[index + 1] = _neighbour_pose(poses[index], hinges[index], pitches_rad[index + 1])
+    for index in range(main - 1, -1, -1):
+        pitches_rad[index] = pitches_rad[index + 1] + hinge_angles_rad[index]
+        poses[index] = _neighbour_pose(poses[index + 1], hinges[index], pitches_rad[index])
     return [poses[index] for index in range(len(segments))]
+
+
+def _neighbour_pose(pose: SegmentPose, hinge: Mapping[str, float], neighbour_pitch_rad: float) -> SegmentPose:
+    """Return the pose of a segment with this pitch, which a ``hinge`` joins to a segment with ``pose``.
+
+    The hinge belongs to both segments, so both poses put it at the same place.
+    """
+    hinge_point = numpy.array([hinge["x_m"], hinge["z_m"]])
+    turn = _turn(neighbour_pitch_rad)
+    return SegmentPose(turn, origin=pose.moved(hinge_point) - hinge_point @ turn)
 
 
 def _turn(pitch: float) -> Any:
@@ -150,19 +158,9 @@ def _draw_side(
     axes: Axes, body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any], rows: Any, heights: Heights
 ) -> None:
     """Draw the car at several times over the ground under its wheels, seen from the right side."""
-    wheels = body["wheels"]
-    # How far the car extends from its middle, forwards or backwards.
-    reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
-    reach = max(reach, *(abs(box["x_m"]) + box["length_m"] / 2 for box in body["segments"]))
+    reach = _reach_m(body)
     line = driven_line(rows, margin_m=reach + MARGIN_M)
-    lowest, highest = 0.0, 0.0
-    for name, side_factor, colour, zorder in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
-        tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
-        strip = strip_heights_m(heights, scene, line, side_factor * body["track_m"], tyre)
-        lowest, highest = min(lowest, float(numpy.min(strip))), max(highest, float(numpy.max(strip)))
-        label, line_style = f"ground under the {name} wheels", "--" if name == "left" else "-"
-        axes.fill_between(line.distance_m, strip, -1.0, color=colour, linewidth=0, zorder=zorder, label=label)
-        axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle=line_style, zorder=3)
+    lowest, highest = _draw_ground(axes, body, scene, line, heights)
     travelled = travelled_m(rows)
     # A little more than the length of the car, so that its pictures do not overlap.
     spacing_m = max(POSE_SPACING * reach, (line.distance_m[-1] - line.distance_m[0]) / MAX_POSES)
@@ -183,11 +181,38 @@ def _draw_side(
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
 
 
+def _reach_m(body: Mapping[str, Any]) -> float:
+    """Return how far a car extends from its middle, forwards or backwards (m)."""
+    wheel_reaches = [abs(wheel["x_m"]) + wheel["radius_m"] for wheel in body["wheels"]]
+    segment_reaches = [abs(segment["x_m"]) + segment["length_m"] / 2 for segment in body["segments"]]
+    return float(max(wheel_reaches + segment_reaches))
+
+
+def _draw_ground(
+    axes: Axes, body: Mapping[str, Any], scene: Mapping[str, Any], line: Line, heights: Heights
+) -> tuple[float, float]:
+    """Draw the ground under the left and the right wheels along a line, and return its minimum and maximum height (m).
+
+    Height 0 counts, too.
+    """
+    lowest, highest = 0.0, 0.0
+    # The left side is farther away, so it is drawn first, in a paler colour and with a dashed line.
+    sides = (("left", 0.5, FAR_COLOUR, "--", 1), ("right", -0.5, NEAR_COLOUR, "-", 2))
+    for side, side_factor, colour, line_style, zorder in sides:
+        tyre_m = max(wheel["width_m"] for wheel in body["wheels"] if wheel["side"] == side)
+        strip = strip_heights_m(heights, scene, line, side_factor * body["track_m"], tyre_m)
+        lowest = min(lowest, float(numpy.min(strip)))
+        highest = max(highest, float(numpy.max(strip)))
+        label = f"ground under the {side} wheels"
+        axes.fill_between(line.distance_m, strip, -1.0, color=colour, linewidth=0, zorder=zorder, label=label)
+        axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle=line_style, zorder=3)
+    return lowest, highest
+
+
 def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
     """Draw the car at a row of the path, and return the height (m) of its highest point."""
     # A row is time, x, y, z, heading, pitch, roll, hinge angles.
     _, _, _, z, _, _, roll, *_ = map(float, row)
-    # The pose of each segment: a matrix and an origin, which turn and move its points (x, z) to their places.
     poses = segment_places(body, row)
     top = z
     # Left wheels are drawn first, because they are behind.
@@ -197,25 +222,18 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
         lift = body["track_m"] / 2 * numpy.sin(roll)
         if is_near:
             lift = -lift
-        turn, origin = poses[wheel["segment"]]
-        x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + origin + [distance_m, z + lift]
+        axle = numpy.array([wheel["x_m"], 0.0])
+        x, height = poses[wheel["segment"]].moved(axle) + numpy.array([distance_m, z + lift])
         top = max(top, height + wheel["radius_m"])
-        axes.add_patch(
-            Circle(
-                (x, height),
-                wheel["radius_m"],
-                facecolor="#ffffff66" if is_near else "none",
-                edgecolor=colour,
-                linewidth=1.3 if is_near else 0.8,
-                linestyle="-" if is_near else ":",
-                zorder=6 if is_near else 4,
-            )
-        )
-    for segment, (turn, origin) in zip(body["segments"], poses, strict=True):
+        look: dict[str, Any] = {"facecolor": "none", "linewidth": 0.8, "linestyle": ":", "zorder": 4}
+        if is_near:
+            look = {"facecolor": "#ffffff66", "linewidth": 1.3, "linestyle": "-", "zorder": 6}
+        axes.add_patch(Circle((x, height), wheel["radius_m"], edgecolor=colour, **look))
+    for segment, pose in zip(body["segments"], poses, strict=True):
         half_size = [segment["length_m"] / 2, segment["height_m"] / 2]
         corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half_size
         centre = numpy.array([segment["x_m"], segment["center_z_m"]])
-        outline = (corners + centre) @ turn + origin + [distance_m, z]
+        outline = pose.moved(corners + centre) + numpy.array([distance_m, z])
         axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.35, edgecolor="none", zorder=5))
         axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
         top = max(top, outline[:, 1].max())

@@ -18,6 +18,8 @@ HEIGHT_M = 0.0005
 # Maximum points of one scene of a page, and of all scenes: carsim computes them in seconds, a browser draws them at once.
 MAX_POINTS_OF_A_SCENE = 40_000
 MAX_POINTS = 1_500_000
+# The 64 bits of a number are at most so many groups of 7 bits.
+MAX_GROUPS = 10
 
 
 def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> tuple[dict[str, Any], bytes]:
@@ -55,18 +57,19 @@ def varints(values: NDArray[numpy.int64]) -> bytes:
     First, 0, -1, 1, -2 … become 0, 1, 2, 3 …. Then each number is written in groups of 7 bits, the lowest group first.
     The highest bit of a byte says whether another group follows.
     """
-    # The zigzag code moves the sign to the lowest bit, so that small negative numbers are short too.
+    # The sign is moved to the lowest bit, so that small negative numbers are short too.
     remaining = ((values << 1) ^ (values >> 63)).astype(numpy.uint64)
-    # 64 bits are at most 10 groups.
-    groups = numpy.zeros((len(remaining), 10), dtype=numpy.uint8)
-    is_used = numpy.zeros(groups.shape, dtype=bool)
-    is_used[:, 0] = True
-    for index in range(groups.shape[1]):
-        groups[:, index] = remaining & numpy.uint64(0x7F)
+    # A row of bytes for each number. Not all bytes of a row are written.
+    encoded = numpy.zeros((len(remaining), MAX_GROUPS), dtype=numpy.uint8)
+    is_written = numpy.zeros(encoded.shape, dtype=bool)
+    is_written[:, 0] = True
+    for index in range(MAX_GROUPS):
+        encoded[:, index] = remaining & numpy.uint64(0x7F)
         remaining = remaining >> numpy.uint64(7)
         if not remaining.any():
             break
-        # The highest bit says that another group follows.
-        groups[remaining > 0, index] |= 0x80
-        is_used[remaining > 0, index + 1] = True
-    return groups[is_used].tobytes()
+        another_follows = remaining > 0
+        encoded[another_follows, index] |= 0x80
+        is_written[another_follows, index + 1] = True
+    # All written bytes, row by row.
+    return encoded[is_written].tobytes()

@@ -7,10 +7,10 @@ also along every edge. Both ways to split a height field's cell into triangles c
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 import shapely
@@ -50,18 +50,30 @@ class HeightGrid:
     z_m: Floats
 
 
-def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, float] | None:
-    """Return x_min, x_max, y_min, y_max of the scene's smooth ground within reach of cars; None without smooth ground."""
+class GroundLimits(NamedTuple):
+    """The limits of a rectangle of ground (m)."""
+
+    x_min_m: float
+    x_max_m: float
+    y_min_m: float
+    y_max_m: float
+
+
+def smooth_bounds_m(scene: Mapping[str, Any]) -> GroundLimits | None:
+    """Return the limits of the scene's smooth ground, as far as cars can reach it; None without smooth ground.
+
+    Cars do not leave the course by more than MARGIN_M.
+    """
     bounds = [bounds_m(piece) for piece in scene["terrain"] if kind_of(piece).form == "smooth"]
     if not bounds:
         return None
     course = scene["course"]
     x_mins, x_maxs, y_mins, y_maxs = zip(*bounds, strict=True)
-    return (
-        max(min(x_mins), course["x_min_m"] - MARGIN_M),
-        min(max(x_maxs), course["x_max_m"] + MARGIN_M),
-        max(min(y_mins), course["y_min_m"] - MARGIN_M),
-        min(max(y_maxs), course["y_max_m"] + MARGIN_M),
+    return GroundLimits(
+        x_min_m=max(min(x_mins), course["x_min_m"] - MARGIN_M),
+        x_max_m=min(max(x_maxs), course["x_max_m"] + MARGIN_M),
+        y_min_m=max(min(y_mins), course["y_min_m"] - MARGIN_M),
+        y_max_m=min(max(y_maxs), course["y_max_m"] + MARGIN_M),
     )
 
 
@@ -74,31 +86,43 @@ def smooth_ground(
     centres of its cells is at most ERROR_M. If there is none, it is the finest one that has at most MAX_POINTS points.
     Raises FoldcarError if even the coarsest grid has more points.
     """
-    bounds = smooth_bounds_m(scene)
-    if bounds is None:
+    limits = smooth_bounds_m(scene)
+    if limits is None:
         return None
-    x_min, x_max, y_min, y_max = bounds
     smooth_scene = {**scene, "terrain": [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]}
     grid = None
     for spacing_m in spacings_m:
-        columns = max(2, math.ceil((x_max - x_min) / spacing_m) + 1)
-        rows = max(2, math.ceil((y_max - y_min) / spacing_m) + 1)
-        if rows * columns > MAX_POINTS:
+        x = _points_between(limits.x_min_m, limits.x_max_m, spacing_m)
+        y = _points_between(limits.y_min_m, limits.y_max_m, spacing_m)
+        if len(x) * len(y) > MAX_POINTS:
             if grid is None:
-                raise FoldcarError(f"terrain: {rows} x {columns} heights are above the limit {MAX_POINTS}")
+                raise FoldcarError(f"terrain: {len(y)} x {len(x)} heights are above the limit {MAX_POINTS}")
             break
-        x = numpy.linspace(x_min, x_max, columns, dtype=float)
-        y = numpy.linspace(y_min, y_max, rows, dtype=float)
         z = heights(smooth_scene, *numpy.meshgrid(x, y))
-        grid = HeightGrid(x_min, x_max, y_min, y_max, z)
-        if spacing_m == spacings_m[-1]:
-            break
-        centre_heights = heights(smooth_scene, *numpy.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2))
-        interpolated = (z[1:, 1:] + z[1:, :-1] + z[:-1, 1:] + z[:-1, :-1]) / 4
-        if numpy.abs(centre_heights - interpolated).max() <= ERROR_M:
+        grid = HeightGrid(*limits, z)
+        is_finest = spacing_m == spacings_m[-1]
+        if is_finest or _error_at_centres_m(heights, smooth_scene, x, y, z) <= ERROR_M:
             break
     assert grid is not None
     return grid
+
+
+def _points_between(low_m: float, high_m: float, spacing_m: float) -> Floats:
+    """Return equidistant points from ``low_m`` to ``high_m``, at most ``spacing_m`` apart, at least two."""
+    number = max(2, math.ceil((high_m - low_m) / spacing_m) + 1)
+    return numpy.linspace(low_m, high_m, number, dtype=float)
+
+
+def _error_at_centres_m(heights: Heights, scene: Mapping[str, Any], x: Floats, y: Floats, z: Floats) -> float:
+    """Return the largest error of a grid at the centres of its cells (m).
+
+    ``x`` (columns,) and ``y`` (rows,) are the places of the grid's points, and ``z`` (rows, columns) their heights. In
+    the grid, the height at a centre is the mean of the heights at the four corners of the cell.
+    """
+    true_heights = heights(scene, *numpy.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2))
+    upper_rows, lower_rows = z[1:], z[:-1]
+    means = (upper_rows[:, 1:] + upper_rows[:, :-1] + lower_rows[:, 1:] + lower_rows[:, :-1]) / 4
+    return float(numpy.abs(true_heights - means).max())
 
 
 @dataclass(frozen=True)
@@ -123,6 +147,13 @@ class _Part:
         return self.z_m - numpy.sqrt(self.radius_m**2 - along**2)
 
 
+class _Surface(NamedTuple):
+    """A part of the ground: its area seen from above, and a function that returns its heights (m) at points x, y."""
+
+    area: shapely.Polygon
+    heights: Callable[[Floats, Floats], Floats]
+
+
 def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> float:
     """Return the height (m) of the car's frame at the start of a scene, so that no part of the car touches the ground.
 
@@ -130,24 +161,24 @@ def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: Heig
     of the part's footprint.
     """
     start = scene["start"]
-    # The frame must be at least so high that the part which needs most height just touches the ground.
-    min_height = -math.inf
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     blocks = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
-    # Each surface of the ground: its area, and a function that returns its height at points.
-    surfaces = [(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
+    tops_of_blocks = [_Surface(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
+    # For each part above each surface, the height of the frame at which the part just touches the surface.
+    contact_heights = []
     for part in _parts(body):
-        ahead, left = part.x_m * cos - part.y_m * sin, part.x_m * sin + part.y_m * cos
-        place = {**start, "x_m": start["x_m"] + ahead, "y_m": start["y_m"] + left}
-        footprint = rectangle(place, (part.half_length_m, part.half_width_m))
-        for area, top in ((footprint, partial(_grid_top, grid)), *surfaces):
-            overlap = footprint.intersection(area)
+        # The part's place in the scene: the car's frame is turned by the heading.
+        part_x = start["x_m"] + (part.x_m * cos - part.y_m * sin)
+        part_y = start["y_m"] + (part.x_m * sin + part.y_m * cos)
+        footprint = rectangle({**start, "x_m": part_x, "y_m": part_y}, (part.half_length_m, part.half_width_m))
+        floor = _Surface(footprint, partial(_grid_top, grid))
+        for surface in (floor, *tops_of_blocks):
+            overlap = footprint.intersection(surface.area)
             if overlap.area > MIN_AREA_M2:
                 x, y = _points(overlap)
-                along = (x - start["x_m"]) * cos + (y - start["y_m"]) * sin
-                needed_height = float(numpy.max(top(x, y) - part.underside(along)))
-                min_height = max(min_height, needed_height)
-    return float(math.ceil(min_height / RASTER_M) * RASTER_M + FALL_M)
+                x_in_car = (x - start["x_m"]) * cos + (y - start["y_m"]) * sin
+                contact_heights.append(float(numpy.max(surface.heights(x, y) - part.underside(x_in_car))))
+    return float(math.ceil(max(contact_heights) / RASTER_M) * RASTER_M + FALL_M)
 
 
 def _parts(body: Mapping[str, Any]) -> list[_Part]:
@@ -198,17 +229,22 @@ def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
     if grid is None:
         return numpy.zeros_like(x)
     rows, columns = grid.z_m.shape
+    # The points' places in the grid, in cells. The whole numbers are the grid's points.
     u = (x - grid.x_min_m) / (grid.x_max_m - grid.x_min_m) * (columns - 1)
     v = (y - grid.y_min_m) / (grid.y_max_m - grid.y_min_m) * (rows - 1)
-    inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
+    is_inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
     column = numpy.clip(u.astype(int), 0, columns - 2)
     row = numpy.clip(v.astype(int), 0, rows - 2)
-    # The corners of the cell are a and b in its lower row, and c and d in its upper row. s and t are the point's place
-    # in the cell, from 0 to 1.
+    # The place of each point in its cell, from 0 to 1, and the heights at the corners of the cell.
     s, t = u - column, v - row
-    a, b = grid.z_m[row, column], grid.z_m[row, column + 1]
-    c, d = grid.z_m[row + 1, column], grid.z_m[row + 1, column + 1]
-    # The rising diagonal goes from a to d, the falling one from c to b.
-    rising = numpy.where(s >= t, a + s * (b - a) + t * (d - b), a + t * (c - a) + s * (d - c))
-    falling = numpy.where(s + t <= 1, a + s * (b - a) + t * (c - a), d + (1 - s) * (c - d) + (1 - t) * (b - d))
-    return numpy.where(inside, numpy.maximum(rising, falling), 0.0)
+    lower_left, lower_right = grid.z_m[row, column], grid.z_m[row, column + 1]
+    upper_left, upper_right = grid.z_m[row + 1, column], grid.z_m[row + 1, column + 1]
+    # With the diagonal from lower left to upper right: the height in the triangle below it, and in the one above it.
+    below_rising = lower_left + s * (lower_right - lower_left) + t * (upper_right - lower_right)
+    above_rising = lower_left + t * (upper_left - lower_left) + s * (upper_right - upper_left)
+    with_rising = numpy.where(s >= t, below_rising, above_rising)
+    # The same with the diagonal from upper left to lower right.
+    below_falling = lower_left + s * (lower_right - lower_left) + t * (upper_left - lower_left)
+    above_falling = upper_right + (1 - s) * (upper_left - upper_right) + (1 - t) * (lower_right - upper_right)
+    with_falling = numpy.where(s + t <= 1, below_falling, above_falling)
+    return numpy.where(is_inside, numpy.maximum(with_rising, with_falling), 0.0)

@@ -39,30 +39,43 @@ def urdf(body: Mapping[str, Any], name: str) -> str:
     robot = Element("robot", {"name": name, "xmlns:drake": "http://drake.mit.edu"})
     # For MuJoCo only, which would otherwise fuse the root to the world.
     add(add(robot, "mujoco"), "compiler", fusestatic="false")
-    for index, segment in enumerate(body["segments"]):
-        link = add(robot, "link", name=_link(index))
-        com = (segment["com_x_m"], segment["com_y_m"], segment["com_z_m"])
-        inertias = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
-        # A segment's frame is at the hinge in front of it; the first segment's is the car's.
-        frame = _hinge_place(body, index)
-        _add_inertial(link, _minus(com, frame), segment["mass_kg"], inertias)
-        middle = _minus((segment["x_m"], 0.0, segment["center_z_m"]), frame)
-        box = numbers(segment["length_m"], segment["width_m"], segment["height_m"])
-        _add_shape(link, middle, 0.0, segment["grip"], "box", size=box)
-        _add_friction(robot, link, segment["grip"])
-        if index:
-            place = _minus(frame, _hinge_place(body, index - 1))
-            hinge = body["hinges"][index - 1]
-            parents = (_link(index - 1), _link(index))
-            joint = _add_joint(robot, f"hinge{index - 1}", "revolute", *parents, place)
-            # Flexures have no motor: no effort.
-            bounds = {"lower": numbers(hinge["min_rad"]), "upper": numbers(hinge["max_rad"])}
-            add(joint, "limit", {**bounds, "effort": "0", "velocity": numbers(FREE_RAD_S)})
-            add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
+    for index in range(len(body["segments"])):
+        _add_segment(robot, body, index)
+        if index > 0:
+            _add_hinge(robot, body, index - 1)
     for wheel in body["wheels"]:
         _add_wheel(robot, body, wheel)
     indent(robot)
     return f'<?xml version="1.0"?>\n{tostring(robot, encoding="unicode")}\n'
+
+
+def _add_segment(robot: Element, body: Mapping[str, Any], index: int) -> None:
+    """Add the link of a segment: its mass, its box and its friction.
+
+    All places are in the link's frame. Its origin is the hinge in front of the segment; that of the first segment is the
+    car's origin.
+    """
+    segment = body["segments"][index]
+    link = add(robot, "link", name=_link(index))
+    frame = _hinge_place(body, index)
+    com = (segment["com_x_m"], segment["com_y_m"], segment["com_z_m"])
+    inertias = [segment[f"{axis}_inertia_kg_m2"] for axis in ("roll", "pitch", "yaw")]
+    _add_inertial(link, _minus(com, frame), segment["mass_kg"], inertias)
+    middle = _minus((segment["x_m"], 0.0, segment["center_z_m"]), frame)
+    box = numbers(segment["length_m"], segment["width_m"], segment["height_m"])
+    _add_shape(link, middle, 0.0, segment["grip"], "box", size=box)
+    _add_friction(robot, link, segment["grip"])
+
+
+def _add_hinge(robot: Element, body: Mapping[str, Any], index: int) -> None:
+    """Add the joint of a hinge, between the segment with the same index and the next one behind it."""
+    hinge = body["hinges"][index]
+    place = _minus(_hinge_place(body, index + 1), _hinge_place(body, index))
+    joint = _add_joint(robot, f"hinge{index}", "revolute", _link(index), _link(index + 1), place)
+    # A hinge has no motor, so its effort, which is the largest torque of a motor, is 0.
+    bounds = {"lower": numbers(hinge["min_rad"]), "upper": numbers(hinge["max_rad"])}
+    add(joint, "limit", {**bounds, "effort": "0", "velocity": numbers(FREE_RAD_S)})
+    add(joint, "dynamics", damping=numbers(hinge["damping_n_m_s_rad"]))
 
 
 def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]) -> None:
@@ -78,10 +91,17 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     _add_friction(robot, link, wheel["grip"])
     place = _minus(axle_m(body, wheel), _hinge_place(body, wheel["segment"]))
     joint = _add_joint(robot, f"{name}_axle", "continuous", _link(wheel["segment"]), name, place)
-    if "servo" not in wheel:
-        return
-    stall_torque, no_load_speed = servo_limits(body, wheel)
-    add(joint, "limit", effort=numbers(stall_torque), velocity=numbers(no_load_speed))
+    if "servo" in wheel:
+        stall_torque, no_load_speed = servo_limits(body, wheel)
+        add(joint, "limit", effort=numbers(stall_torque), velocity=numbers(no_load_speed))
+        _add_transmission(robot, name, wheel["servo"]["rotor_inertia_kg_m2"])
+
+
+def _add_transmission(robot: Element, name: str, rotor_inertia_kg_m2: float) -> None:
+    """Add the transmission from a servo to the axle of the wheel ``name``. URDF says with it that a motor drives a joint.
+
+    The rotor's inertia is given at the wheel, so the ratio of the transmission is 1.
+    """
     transmission = add(robot, "transmission", name=f"{name}_transmission")
     add(transmission, "type").text = "transmission_interface/SimpleTransmission"
     effort = "hardware_interface/EffortJointInterface"
@@ -89,8 +109,7 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     actuator = add(transmission, "actuator", name=f"{name}_servo")
     add(actuator, "hardwareInterface").text = effort
     add(actuator, "mechanicalReduction").text = "1"
-    # The rotor's inertia is given at the wheel, so the ratio is 1.
-    add(actuator, "drake:rotor_inertia", value=numbers(wheel["servo"]["rotor_inertia_kg_m2"]))
+    add(actuator, "drake:rotor_inertia", value=numbers(rotor_inertia_kg_m2))
     add(actuator, "drake:gear_ratio", value="1")
 
 

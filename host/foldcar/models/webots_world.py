@@ -71,19 +71,28 @@ def _place(at: Mapping[str, float], z_m: float = 0) -> dict[str, Any]:
     return {"translation": vector(at["x_m"], at["y_m"], z_m), "rotation": vector(0, 0, 1, at["heading_rad"])}
 
 
+def _uneven_ground(grid: HeightGrid) -> Node:
+    """Return the smooth ground of a scene as a surface through the points of its grid."""
+    rows, columns = grid.z_m.shape
+    fields = {
+        "xDimension": columns,
+        "yDimension": rows,
+        "xSpacing": (grid.x_max_m - grid.x_min_m) / (columns - 1),
+        "ySpacing": (grid.y_max_m - grid.y_min_m) / (rows - 1),
+        # A resolution of 1 µm suffices for wheels and keeps the file small.
+        "height": [round(float(z), 6) for z in grid.z_m.ravel()],
+    }
+    surface = Node("ElevationGrid", fields)
+    place = vector(grid.x_min_m, grid.y_min_m, 0)
+    return _solid("uneven ground", shape(surface, FLOOR_COLOUR), surface, translation=place)
+
+
 def _floor(grid: HeightGrid | None) -> list[Node]:
     """Return a flat floor or, if the scene has smooth ground, its grid and four boxes as the floor around it."""
     if grid is None:
         plane = Node("Plane", {"size": vector(FLOOR_M, FLOOR_M)})
         return [_solid("floor", shape(plane, FLOOR_COLOUR), plane)]
-    rows, columns = grid.z_m.shape
-    spacings = (grid.x_max_m - grid.x_min_m) / (columns - 1), (grid.y_max_m - grid.y_min_m) / (rows - 1)
-    # A resolution of 1 µm suffices for wheels and keeps the file small.
-    heights = [round(float(z), 6) for z in grid.z_m.ravel()]
-    fields = {"xDimension": columns, "yDimension": rows, "xSpacing": spacings[0], "ySpacing": spacings[1]}
-    surface = Node("ElevationGrid", {**fields, "height": heights})
-    place = {"translation": vector(grid.x_min_m, grid.y_min_m, 0)}
-    solids = [_solid("uneven ground", shape(surface, FLOOR_COLOUR), surface, **place)]
+    solids = [_uneven_ground(grid)]
     half_floor = FLOOR_M / 2
     for name, x_min, x_max, y_min, y_max in (
         ("floor behind", -half_floor, grid.x_min_m, -half_floor, half_floor),
@@ -138,17 +147,20 @@ def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
 
 
 def _looking() -> tuple[float, float, float, float]:
-    """Return the rotation (axis, angle in rad) of a viewpoint at EYE_M that looks at LOOKS_AT_M.
+    """Return the rotation of a viewpoint at EYE_M that looks at LOOKS_AT_M: the axis x, y, z and the angle (rad).
 
-    It turns the axes x forward, y left, z up into those of the viewpoint.
+    It turns the axes x, y, z of the world into the directions forward, left and up of the viewpoint.
     """
     forward = numpy.subtract(LOOKS_AT_M, EYE_M)
     forward = forward / numpy.linalg.norm(forward)
     left = numpy.cross((0, 0, 1), forward)
     left = left / numpy.linalg.norm(left)
-    turn = Rotation.from_matrix(numpy.stack([forward, left, numpy.cross(forward, left)], axis=1)).as_rotvec()
-    angle = float(numpy.linalg.norm(turn))
-    x, y, z = (turn / angle).tolist()
+    up = numpy.cross(forward, left)
+    # The columns of a rotation's matrix are the turned axes. The rotation vector is the axis times the angle.
+    rotation = Rotation.from_matrix(numpy.stack([forward, left, up], axis=1))
+    rotation_vector = rotation.as_rotvec()
+    angle = float(numpy.linalg.norm(rotation_vector))
+    x, y, z = (rotation_vector / angle).tolist()
     return x, y, z, angle
 
 

@@ -170,19 +170,21 @@ def _folds(options: Options) -> CouponPiece:
     It has several tongues with a fold at the base of each. A fold is a line of dashes. The lengths of its cuts and of the
     bridges between them differ from tongue to tongue, and are written on the tongue.
     """
-    pitch = TONGUE_MM + COMB_GAP_MM
-    width, top = len(DASHES_MM) * pitch, BACK_MM + COMB_LENGTH_MM
+    # The tongues stand side by side on a back, with half a gap on both sides of each.
+    step = TONGUE_MM + COMB_GAP_MM
+    width, top = len(DASHES_MM) * step, BACK_MM + COMB_LENGTH_MM
+    # The outline, counter-clockwise from the lower left corner, so the tongues follow each other from right to left.
     points: list[Point] = [(0.0, 0.0), (width, 0.0), (width, BACK_MM)]
     marks = _text("folds", width / 2, _centred_y(0, BACK_MM))
-    # Counter-clockwise, the tongues follow each other from right to left.
-    for number in reversed(range(len(DASHES_MM))):
-        cut_mm, bridge_mm = DASHES_MM[number]
-        left, right = number * pitch + COMB_GAP_MM / 2, (number + 1) * pitch - COMB_GAP_MM / 2
+    for number, (cut_mm, bridge_mm) in reversed(list(enumerate(DASHES_MM))):
+        left = number * step + COMB_GAP_MM / 2
+        right = (number + 1) * step - COMB_GAP_MM / 2
         points += [(right, BACK_MM), (right, top), (left, top), (left, BACK_MM)]
         for cut in dashes((left, BACK_MM), (right, BACK_MM), cut_mm, bridge_mm, options.kerf_mm):
             marks.append(Path("FOLD_VALLEY", cut))
-        marks += _text(f"{cut_mm:g}", (left + right) / 2, BACK_MM + CUT_LABEL_MM)
-        marks += _text(f"{bridge_mm:g}", (left + right) / 2, BACK_MM + BRIDGE_LABEL_MM)
+        middle = (left + right) / 2
+        marks += _text(f"{cut_mm:g}", middle, BACK_MM + CUT_LABEL_MM)
+        marks += _text(f"{bridge_mm:g}", middle, BACK_MM + BRIDGE_LABEL_MM)
     points.append((0.0, BACK_MM))
     return CouponPiece(_piece("folds", Polygon(points)), marks)
 
@@ -193,15 +195,17 @@ def _slots(parts: Catalogue) -> CouponPiece:
     The length of a slot is the width of the tongue plus a clearance. The clearance is written above the slot. The slots
     are as wide as those of the car.
     """
-    pitch = TONGUE_MM + SLOT_GAP_MM
-    width = len(CLEARANCES_MM) * pitch
+    # The slots lie side by side. This is the distance of their middles.
+    step = TONGUE_MM + SLOT_GAP_MM
+    width = len(CLEARANCES_MM) * step
     outline = box(0, 0, width, SLOTS_HEIGHT_MM)
     slot_width = parts.film.thickness_mm.value + parts.assembly.slot_clearance_mm.value
     holes = []
     marks = _text("slots", width / 2, SLOTS_LABEL_MM)
     for number, clearance in enumerate(CLEARANCES_MM):
-        middle, half = (number + 0.5) * pitch, (TONGUE_MM + clearance) / 2
-        slot = box(middle - half, SLOTS_FROM_MM, middle + half, SLOTS_FROM_MM + slot_width)
+        middle = (number + 0.5) * step
+        half_length = (TONGUE_MM + clearance) / 2
+        slot = box(middle - half_length, SLOTS_FROM_MM, middle + half_length, SLOTS_FROM_MM + slot_width)
         holes.append(slot.exterior)
         marks += _text(f"+{clearance:g}", middle, CLEARANCES_LABEL_MM)
     return CouponPiece(_piece("slots", Polygon(outline.exterior, holes)), marks)

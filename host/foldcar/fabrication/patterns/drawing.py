@@ -8,7 +8,7 @@ so that pieces do not move before.
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -152,25 +152,15 @@ class Sheet:
         """Yield the cuts of a layer in the order in which a machine makes them.
 
         A cut is a circle, a closed line, or all open lines of a group of shapes. Small cuts come first, because large
-        cuts loosen the film. Cuts count as equally large if their sizes differ by less than a factor of two or so. Of
-        these, the next cut is the one that starts nearest to the end of the last cut, so that the machine moves little.
-        It begins at the lower left corner of the sheet, where the origin is.
+        cuts loosen the film. For this, cuts are divided into classes of size. In a class, the next cut is the one that
+        starts nearest to the end of the last cut, so that the machine moves little. The machine begins at the lower left
+        corner of the sheet, where the origin is.
         """
-        cuts: list[tuple[Shape, ...]] = []
-        for group in self.groups:
-            shapes = [shape for shape in group if shape.layer == layer]
-            open_lines = tuple(shape for shape in shapes if isinstance(shape, Path) and not shape.closed)
-            if open_lines:
-                cuts.append(open_lines)
-            cuts += [(shape,) for shape in shapes if isinstance(shape, Circle) or shape.closed]
-        # The classes of sizes reach from one power of two to the next.
-        cuts_by_exponent: dict[int, list[tuple[Shape, ...]]] = {}
-        for cut in cuts:
-            x0, y0, x1, y1 = bounds(cut)
-            _, binary_exponent = math.frexp(max(x1 - x0, y1 - y0))
-            cuts_by_exponent.setdefault(binary_exponent, []).append(cut)
+        cuts_by_size: dict[int, list[tuple[Shape, ...]]] = {}
+        for cut in self._cuts(layer):
+            cuts_by_size.setdefault(_size_class(cut), []).append(cut)
         position = (0.0, 0.0)
-        for _, remaining in sorted(cuts_by_exponent.items()):
+        for _, remaining in sorted(cuts_by_size.items()):
             while remaining:
                 distances = []
                 for cut in remaining:
@@ -179,6 +169,24 @@ class Sheet:
                 nearest_cut = remaining.pop(distances.index(min(distances)))
                 _, position = _ends(nearest_cut[-1])
                 yield nearest_cut
+
+    def _cuts(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
+        """Yield the cuts of a layer: all open lines of a group of shapes together, each circle and each closed line."""
+        for group in self.groups:
+            shapes = [shape for shape in group if shape.layer == layer]
+            open_lines = tuple(shape for shape in shapes if isinstance(shape, Path) and not shape.closed)
+            if open_lines:
+                yield open_lines
+            for shape in shapes:
+                if isinstance(shape, Circle) or shape.closed:
+                    yield (shape,)
+
+
+def _size_class(cut: Sequence[Shape]) -> int:
+    """Return a number for the size of a cut, the larger side of its bounding box: n for sizes from 2^(n-1) to 2^n mm."""
+    x0, y0, x1, y1 = bounds(cut)
+    _, exponent = math.frexp(max(x1 - x0, y1 - y0))
+    return exponent
 
 
 def _ends(shape: Shape) -> tuple[Point, Point]:

@@ -188,7 +188,8 @@ def _placings(piece: Piece, thickness_mm: float, options: Options) -> dict[str, 
         # edge: this is the edge's vector, turned by 90° counter-clockwise and scaled.
         scale = _saved_mm(crease, thickness_mm, options) / math.hypot(bx - ax, by - ay)
         inward_x, inward_y = -(by - ay) * scale, (bx - ax) * scale
-        # The parent's pose turns it into the frame of the flat piece. The child also moves along with its parent.
+        # The first two rows of the parent's pose turn this shift into the frame of the flat piece. The child also moves
+        # along with its parent.
         x_row, y_row, *_ = poses[crease.parent.face]
         parent_x, parent_y = shifts[crease.parent.face]
         child_x = parent_x + x_row[0] * inward_x + x_row[1] * inward_y
@@ -282,11 +283,14 @@ def moved_to_origin(flat: FlatPiece) -> FlatPiece:
 
 
 def _shifted(value: Any, x: float, y: float) -> Any:
-    """Return a copy of the value in which all points, also in nested containers and polygons, are moved by (x, y)."""
+    """Return a copy of a flat piece, or of any value in it, in which all points are moved by (x, y).
+
+    Points are also those in the containers, polygons, faces and folds of which the value consists. Other values, such as
+    names, are returned unchanged.
+    """
     match value:
-        # A point.
-        case float(), float():
-            return value[0] + x, value[1] + y
+        case (float(point_x), float(point_y)):
+            return point_x + x, point_y + y
         case tuple():
             return tuple(_shifted(item, x, y) for item in value)
         case dict():
@@ -294,7 +298,10 @@ def _shifted(value: Any, x: float, y: float) -> Any:
         case Polygon():
             return shapely.affinity.translate(value, x, y)
         case FlatPiece() | FlatFace() | Fold():
-            return replace(value, **{item.name: _shifted(getattr(value, item.name), x, y) for item in fields(value)})
+            shifted_fields = {}
+            for dataclass_field in fields(value):
+                shifted_fields[dataclass_field.name] = _shifted(getattr(value, dataclass_field.name), x, y)
+            return replace(value, **shifted_fields)
     return value
 
 
@@ -313,32 +320,39 @@ def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> lis
     of the lines of its two moved edges. Where two edges in a line are moved by different distances, there is no
     intersection. Then the corner has two points: the end of one edge and the start of the next.
     """
-    # The moved edges.
-    count = len(outline_mm)
+    next_corners = [*outline_mm[1:], outline_mm[0]]
     edges = []
-    for index in range(count):
-        (ax, ay), (bx, by) = outline_mm[index], outline_mm[(index + 1) % count]
-        length = math.hypot(bx - ax, by - ay)
-        direction_x, direction_y = (bx - ax) / length, (by - ay) / length
-        # The inward normal is the direction turned by 90° counter-clockwise.
-        shift_x, shift_y = -direction_y * inward_mm[index], direction_x * inward_mm[index]
-        start, end = (ax + shift_x, ay + shift_y), (bx + shift_x, by + shift_y)
-        edges.append(OffsetEdge(start, end, (direction_x, direction_y)))
-    # The corners between them.
-    corners: list[list[Point]] = []
-    for index, after in enumerate(edges):
-        before = edges[index - 1]
-        sine = _cross(before.direction, after.direction)
-        if abs(sine) < PARALLEL:
-            is_same_point = math.dist(before.end, after.start) < PARALLEL
-            corners.append([before.end] if is_same_point else [before.end, after.start])
-            continue
-        # The point before.end + t · before.direction is on the line of the other edge if its vector to after.start is
-        # parallel to after.direction: then their cross product is 0.
-        to_next_start = (after.start[0] - before.end[0], after.start[1] - before.end[1])
-        t = _cross(to_next_start, after.direction) / sine
-        corners.append([(before.end[0] + t * before.direction[0], before.end[1] + t * before.direction[1])])
-    return corners
+    for corner, next_corner, distance_mm in zip(outline_mm, next_corners, inward_mm, strict=True):
+        edges.append(_moved_edge(corner, next_corner, distance_mm))
+    # The first corner lies between the last edge and the first one.
+    return [_corner_points(edges[index - 1], after) for index, after in enumerate(edges)]
+
+
+def _moved_edge(start: Point, end: Point, inward_mm: float) -> OffsetEdge:
+    """Return the edge from ``start`` to ``end``, moved to its left, which is inwards."""
+    (ax, ay), (bx, by) = start, end
+    length = math.hypot(bx - ax, by - ay)
+    direction_x, direction_y = (bx - ax) / length, (by - ay) / length
+    # The direction turned by 90° counter-clockwise.
+    shift_x, shift_y = -direction_y * inward_mm, direction_x * inward_mm
+    return OffsetEdge(
+        start=(ax + shift_x, ay + shift_y),
+        end=(bx + shift_x, by + shift_y),
+        direction=(direction_x, direction_y),
+    )
+
+
+def _corner_points(before: OffsetEdge, after: OffsetEdge) -> list[Point]:
+    """Return the points of the corner between two edges: the intersection of their lines, or two points without one."""
+    sine = _cross(before.direction, after.direction)
+    if abs(sine) < PARALLEL:
+        is_same_point = math.dist(before.end, after.start) < PARALLEL
+        return [before.end] if is_same_point else [before.end, after.start]
+    # The intersection is before.end + distance · before.direction. Its vector to after.start is parallel to
+    # after.direction, so their cross product is 0. This is an equation for the distance.
+    to_next_start = (after.start[0] - before.end[0], after.start[1] - before.end[1])
+    distance = _cross(to_next_start, after.direction) / sine
+    return [(before.end[0] + distance * before.direction[0], before.end[1] + distance * before.direction[1])]
 
 
 def _cross(a: Point, b: Point) -> float:

@@ -91,9 +91,10 @@ def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> I
     """Yield, for each layer that is laid onto a face, the edges beside which the number of the join may stand.
 
     These are the edges of the face's holes under the layer. If there are none, they are the edges of the layer's outline.
+    ``unsplit_car`` is the car whose pieces were not split to fit the sheets.
     """
-    # A piece may be split into parts to fit the sheets, and ``face`` may be a part of a face. Where layers lie is known
-    # for the whole pieces, whose names are without the number of a part.
+    # Where layers lie is known for whole pieces. But this piece and its face may be parts of a whole piece and its face.
+    # The name of a part is that of the whole piece with a number.
     layer_name, _, _ = join.piece_a.partition(PART)
     host_name, _, _ = join.piece_b.partition(PART)
     whole_piece = next(piece for piece in unsplit_car.pieces if piece.name == host_name)
@@ -110,15 +111,22 @@ def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> I
         covered = layer_in_flat.intersection(face.outline)
         if covered.is_empty or covered.geom_type != "Polygon":
             continue
-        around_layer = covered.buffer(AROUND_LAYER_MM)
-        edges: list[Edge] = []
-        for hole in face.holes.values():
-            edges += (edge for edge in hole if around_layer.covers(shapely.LineString(edge)))
+        edges = _hole_edges_within(face, covered.buffer(AROUND_LAYER_MM))
         if not edges:
             corners = [(x, y) for x, y in shapely.geometry.polygon.orient(covered).exterior.coords]
             edges = list(pairwise(corners))
         # Numbers are easy to read beside edges along x or y, so these come first.
         yield tuple(sorted(edges, key=_slant)[:PLACES])
+
+
+def _hole_edges_within(face: FlatFace, area: shapely.Polygon) -> list[Edge]:
+    """Return the edges of a face's holes that lie within an area."""
+    edges = []
+    for hole in face.holes.values():
+        for edge in hole:
+            if area.covers(shapely.LineString(edge)):
+                edges.append(edge)
+    return edges
 
 
 def _motion_to_flat(outline: Sequence[Point], face: FlatFace) -> Callable[[Point], Point] | None:
@@ -161,11 +169,12 @@ def _motion_to_flat(outline: Sequence[Point], face: FlatFace) -> Callable[[Point
 def _layers(
     car: FoldedCar, layer_piece: str, layer_face: str, host_piece: str, host_face: str
 ) -> tuple[shapely.Polygon, ...]:
-    """Return the outlines (mm) of the layers on the face ``host_face`` of a piece, in the frame of that face.
+    """Return the outlines (mm) of the layers of film that are glued onto a face, in the frame of that face.
 
-    The layers are faces of ``layer_piece``: the face ``layer_face``, and others that are laminated onto something. Layers
-    on top of each other, at the same place, are returned once.
+    The face is ``host_face`` of the piece ``host_piece``. The layers are faces of ``layer_piece``: ``layer_face``, and
+    others that are laminated onto something. Layers on top of each other, at the same place, are returned once.
     """
+    # All faces of the car, where they are in the folded car.
     placed = list(itertools.chain.from_iterable(placed_faces(car).values()))
     host = next(face for face in placed if face.piece.name == host_piece and face.face.name == host_face)
     laminated_faces = {layer_face}
@@ -177,28 +186,29 @@ def _layers(
     for face in placed:
         if face.piece.name != layer_piece or face.face.name not in laminated_faces:
             continue
-        # A layer lies near the plane of the host's face, and within its bounds.
+        # The corners in the frame of the host's face, whose third axis is at right angles to the face.
         corners = host.in_face(face.corners_mm)
-        max_height = np.abs(corners[:, 2]).max()
         outline = shapely.Polygon(corners[:, :2])
+        # A face of the layer's piece is on the host's face if it is near its plane and covers some of it.
+        is_near = np.abs(corners[:, 2]).max() < LAYERS_MM
         common_mm2 = host.polygon.envelope.intersection(outline).area
-        if max_height < LAYERS_MM and common_mm2 > COMMON_MM2:
+        if is_near and common_mm2 > COMMON_MM2:
             middle = (round(outline.centroid.x), round(outline.centroid.y))
             outlines.setdefault(middle, outline)
     return tuple(outlines.values())
 
 
 def _edges(face: FlatFace, join: Join, is_a: bool) -> list[Edge]:
-    """Return the edges of a face beside which the number of a join may be written; the film is on their left.
+    """Return the edges of a face beside which the number of a join may be written; the number stands on their left.
 
-    ``is_a`` says which end of the join is on the face. If the face has the slot of a tongue, the edges are those of the
-    slot. If the join connects layers, they are the edges of the face's holes, by which the layers are aligned, or its
-    outer edges if it has no holes; at most PLACES of them, and those along x or y first, because numbers beside them are
-    easy to read. In all other cases there is one edge, the joined one.
+    ``is_a`` is whether the end ``a`` of the join is on the face, and not its end ``b``. Usually there is one edge, which
+    is joined. The number of a tongue's slot stands beside the edges of the slot, and that of two layers of film beside
+    several edges.
     """
     if not is_a and join.slot is not None and join.slot in face.holes:
         return list(face.holes[join.slot])
     if join.kind == "laminate":
+        # Layers are aligned by their holes, so their edges are best. Numbers beside edges along x or y are easy to read.
         hole_edges = [edge for ring in face.holes.values() for edge in ring]
         edges = hole_edges or list(face.edges.values())
         return sorted(edges, key=_slant)[:PLACES]
@@ -206,9 +216,11 @@ def _edges(face: FlatFace, join: Join, is_a: bool) -> list[Edge]:
     if index not in face.edges:
         return []
     start, end = face.edges[index]
-    # The tab of a rim is so narrow that its number is written on the face beside it, on the other side of the edge.
-    is_rim_tab = join.kind == "rim" and face.role == "tab"
-    return [(end, start)] if is_rim_tab else [(start, end)]
+    # A rim is the strip around a wheel. Its tabs are so narrow that their number is written on the face beside them. This
+    # face is on the other side of the edge.
+    if join.kind == "rim" and face.role == "tab":
+        return [(end, start)]
+    return [(start, end)]
 
 
 def _slant(edge: Edge) -> float:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -41,6 +42,8 @@ FRACTIONS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
 NAME_FACES = 4
 GRID_STEPS = 12
 UPRIGHT_RATIO = 1.2
+# Rounding errors of angles.
+ROUNDING_RAD = 1e-6
 # In the font's units: height of a capital, and the y of its base line.
 CAP_UNITS = 21
 BASE_LINE = 9
@@ -64,30 +67,41 @@ def label_paths(
     any more. Texts are upright when the piece has been turned by ``quarter_turns`` · 90° on its sheet.
     """
     turn = quarter_turns * math.pi / 2
-    line_shapes: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
-    line_shapes += [LineString(line) for line in (*flat.slits, *flat.marks)]
-    line_shapes += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
-    blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in line_shapes])
-    free: BaseGeometry = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
+    free = _free_film(flat)
     paths: list[Path] = []
     missing: list[str] = []
-
     # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
         allowed = free if mark.within is None else free.intersection(mark.within)
-        fit = _first_fit(allowed, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
-        if fit is None:
+        number = _first_fit(allowed, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
+        if number is None:
             missing.append(mark.text)
-            continue
-        strokes, box = fit
-        free = free.difference(box.buffer(APART_MM, join_style="mitre"))
-        paths += strokes
-    fit = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
-    if fit is None:
+        else:
+            paths += number.paths
+            free = free.difference(number.box.buffer(APART_MM, join_style="mitre"))
+    written_name = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
+    if written_name is None:
         missing.append(name)
     else:
-        paths += fit[0]
+        paths += written_name.paths
     return paths, missing
+
+
+def _free_film(flat: FlatPiece) -> BaseGeometry:
+    """Return the area of a piece on which texts may be written: the film that is not too near to a cut, fold or line."""
+    shapes: list[BaseGeometry] = [LineString([fold.a, fold.b]) for fold in flat.folds]
+    shapes += [LineString(line) for line in (*flat.slits, *flat.marks)]
+    shapes += [ShapelyPoint(centre).buffer(diameter / 2) for centre, diameter in flat.circles]
+    blocked = shapely.union_all([shape.buffer(CLEAR_MM, quad_segs=2) for shape in shapes])
+    free: BaseGeometry = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
+    return free
+
+
+class _WrittenText(NamedTuple):
+    """A text at its place: its strokes, and the box around it."""
+
+    paths: list[Path]
+    box: Polygon
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +116,8 @@ class _Place:
     inward: Point = (0.0, 0.0)
 
 
-def _first_fit(
-    free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
-) -> tuple[list[Path], Polygon] | None:
-    """Return the strokes and the box of a text at the first of ``places`` at which it fits; None if it fits nowhere.
+def _first_fit(free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]) -> _WrittenText | None:
+    """Write a text at the first of ``places`` at which it fits; None if it fits nowhere.
 
     The text fits if its box lies within the area ``free``. It has the largest of ``heights`` (mm) with which it fits at
     any place.
@@ -114,56 +126,58 @@ def _first_fit(
         return None
     shapely.prepare(free)
     for height in heights:
-        # The origin of the strokes is the start of the base line. Some letters reach below it, by the descent. These are
-        # the corners of the text's box, and the origin relative to the centre of the box.
         strokes, width = text_strokes(text, height)
+        # The box around the text. The strokes start at (0, 0) on the base line, and some letters reach below it.
         descent = height * DESCENT
         corners = np.array([(0.0, -descent), (width, -descent), (width, height), (0.0, height)])
-        origin = np.array((-width / 2, -height / 2 + descent / 2))
-        # The distance of the box's centre from an edge that it stands beside.
+        # Adding this makes the centre of the box the origin.
+        to_centre = np.array((-width / 2, -height / 2 + descent / 2))
+        # The distance of the box's centre from an edge beside which the text is written.
         depth = CLEAR_MM + height * (1 + DESCENT) / 2
-        boxes = shapely.polygons(_at_places(places, depth, corners + origin))
+        boxes = shapely.polygons(_at_places(places, depth, corners + to_centre))
         fitting_indices = np.flatnonzero(shapely.contains(free, boxes))
         if len(fitting_indices) == 0:
             continue
         first = int(fitting_indices[0])
         paths = []
         for stroke in strokes:
-            (line,) = _at_places([places[first]], depth, np.array(stroke) + origin)
+            (line,) = _at_places([places[first]], depth, np.array(stroke) + to_centre)
             paths.append(Path("LABEL", tuple((x, y) for x, y in line.tolist())))
-        return paths, boxes[first]
+        return _WrittenText(paths, boxes[first])
     return None
 
 
 def _at_places(places: Sequence[_Place], depth_mm: float, points: Points) -> Points:
-    """Return the points of a text at each of several places, turned along the place's angle.
+    """Return where the points of a text would be on the piece if it were written at each of several places.
 
-    ``points``, (m, 2), are relative to the centre of the text's box, with x along the text. The result has the shape
-    (places, m, 2). If the box stands beside an edge, its centre is ``depth_mm`` inwards from the place.
+    ``points`` (m, 2) are points (x, y) of the unturned text, relative to the centre of its box. For each place, the text
+    is turned by the place's angle, and its centre is moved to the place, or if this is beside an edge, ``depth_mm``
+    inwards from the place. The result is (places, m, 2).
     """
-    place_points = np.array([place.point for place in places])
     inward = np.array([place.inward for place in places])
-    centres = place_points + depth_mm * inward
-    # Arrays of the places have one column, so that numpy combines each place with each point.
+    centres = np.array([place.point for place in places]) + depth_mm * inward
+    # These arrays are (places, 1), and numpy combines each of their rows with each of the m points.
     centre_x, centre_y = centres[:, :1], centres[:, 1:]
     cos = np.array([[math.cos(place.angle)] for place in places])
     sin = np.array([[math.sin(place.angle)] for place in places])
-    along_text, across_text = points.T
-    x = centre_x + cos * along_text - sin * across_text
-    y = centre_y + sin * along_text + cos * across_text
+    text_x, text_y = points.T
+    x = centre_x + cos * text_x - sin * text_y
+    y = centre_y + sin * text_x + cos * text_y
     return np.stack([x, y], axis=-1)
 
 
 def _text_angle(line_rad: float, turn_rad: float) -> float:
     """Return the angle (rad) of a text along a line of a piece that is turned by ``turn_rad`` on its sheet.
 
-    It is the angle of the line or its reverse, so that the text is not upside down on the sheet. Vertical text is read
-    from the right.
+    The text runs along the line in one of its two directions: the one in which it is not upside down on the sheet.
+    Vertical text is read from the right.
     """
-    on_sheet = math.remainder(line_rad + turn_rad, math.pi)
-    if on_sheet < -math.pi / 2 + 1e-6:
-        on_sheet += math.pi
-    return on_sheet - turn_rad
+    # The direction on the sheet from -90° to 90°, because directions that differ by 180° are the same line.
+    on_sheet_rad = math.remainder(line_rad + turn_rad, math.pi)
+    is_downwards = on_sheet_rad < -math.pi / 2 + ROUNDING_RAD
+    if is_downwards:
+        on_sheet_rad += math.pi
+    return on_sheet_rad - turn_rad
 
 
 def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
@@ -215,20 +229,31 @@ def _font() -> HersheyFonts:
     return font
 
 
-@cache
-def text_strokes(text: str, height_mm: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
-    """Return the strokes of ``text`` and its width (mm); it starts at x = 0, its base line is y = 0.
+class Strokes(NamedTuple):
+    """A text as ``lines``, which are polylines of points (x, y) in mm, and its width."""
 
-    Each stroke is a polyline of points (x, y) in mm. Capitals are ``height_mm`` high.
+    lines: tuple[tuple[Point, ...], ...]
+    width_mm: float
+
+
+@cache
+def text_strokes(text: str, height_mm: float) -> Strokes:
+    """Return the strokes of ``text`` and its width. Capitals are ``height_mm`` high.
+
+    The text starts at x = 0, and its base line is y = 0.
     """
     scale = height_mm / CAP_UNITS
-    printable = "".join(c if " " <= c <= "~" else "?" for c in text)
-    strokes = [
-        tuple((x * scale, (BASE_LINE - y) * scale) for x, y in stroke) for stroke in _font().strokes_for_text(printable)
-    ]
-    strokes = [stroke for stroke in strokes if len(set(stroke)) > 1]
-    if not strokes:
-        return (), 0.0
-    left = min(x for stroke in strokes for x, _ in stroke)
-    width = max(x for stroke in strokes for x, _ in stroke) - left
-    return tuple(tuple((x - left, y) for x, y in stroke) for stroke in strokes), width
+    printable = "".join(character if " " <= character <= "~" else "?" for character in text)
+    lines: list[list[Point]] = []
+    for stroke in _font().strokes_for_text(printable):
+        # In the font, y points down.
+        line = [(x * scale, (BASE_LINE - y) * scale) for x, y in stroke]
+        # A stroke of a single point draws nothing.
+        if len(set(line)) > 1:
+            lines.append(line)
+    if not lines:
+        return Strokes((), 0.0)
+    all_x = [x for line in lines for x, _ in line]
+    left, right = min(all_x), max(all_x)
+    lines_from_0 = tuple(tuple((x - left, y) for x, y in line) for line in lines)
+    return Strokes(lines_from_0, width_mm=right - left)

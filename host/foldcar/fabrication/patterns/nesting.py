@@ -70,40 +70,50 @@ class _Candidate(NamedTuple):
     turned: RotatedPiece
 
 
+class _PlacedPiece(NamedTuple):
+    """A piece on a sheet, and the row and column of its first cell."""
+
+    turned: RotatedPiece
+    row: int
+    column: int
+
+
+@dataclass(slots=True)
+class _BlockedPlaces:
+    """The places (row, column) at which a piece may not begin, because of the first ``placed_count`` placed pieces."""
+
+    mask: Cells
+    placed_count: int = 0
+
+
 @dataclass(slots=True)
 class _Sheet:
-    """The pieces on one sheet with their rows and columns, their highest row, and the blocked places of others."""
+    """The pieces on one sheet, their highest row, and the blocked places of other pieces by their ids."""
 
     area: SheetArea
-    placed: list[tuple[RotatedPiece, int, int]] = field(default_factory=list)
+    placed: list[_PlacedPiece] = field(default_factory=list)
     top: int = 0
     top_of_pieces: int = 0
-    _blocked: dict[int, tuple[Cells, int]] = field(default_factory=dict)
+    _blocked: dict[int, _BlockedPlaces] = field(default_factory=dict)
 
     def blocked(self, turned: RotatedPiece) -> Cells:
-        """Return a mask of the (row, column) at which the piece's first cell would bring it too near to another piece.
+        """Return the places (rows, columns) at which the piece may not begin, too near to other pieces on the sheet.
 
-        The mask is kept for each piece, and updated by the pieces placed since the last call.
+        The result is kept for each piece. A further call adds the pieces that were placed since then.
         """
-        rows, columns = turned.place_rows, turned.place_columns
-        # The mask of the last call, and how many pieces were placed then.
         if id(turned) not in self._blocked:
-            self._blocked[id(turned)] = (np.zeros((rows, columns), dtype=bool), 0)
-        blocked, placed_count = self._blocked[id(turned)]
-        for other, row, column in self.placed[placed_count:]:
-            mask = self.area.no_fit_mask(other, turned)
-            # The place of the piece to which the mask's first element belongs; it may lie outside of the sheet.
-            first_row = row - other.padding_cells - (turned.cells.shape[0] - 1)
-            first_column = column - other.padding_cells - (turned.cells.shape[1] - 1)
-            # The part of the mask that lies on the sheet.
-            start_row, end_row = max(0, first_row), min(rows, first_row + mask.shape[0])
-            start_column, end_column = max(0, first_column), min(columns, first_column + mask.shape[1])
-            if start_row < end_row and start_column < end_column:
-                mask_rows = slice(start_row - first_row, end_row - first_row)
-                mask_columns = slice(start_column - first_column, end_column - first_column)
-                blocked[start_row:end_row, start_column:end_column] |= mask[mask_rows, mask_columns]
-        self._blocked[id(turned)] = (blocked, len(self.placed))
-        return blocked
+            nothing = np.zeros((turned.place_rows, turned.place_columns), dtype=bool)
+            self._blocked[id(turned)] = _BlockedPlaces(nothing)
+        blocked = self._blocked[id(turned)]
+        height, width = turned.cells.shape
+        for other in self.placed[blocked.placed_count :]:
+            no_fit = self.area.no_fit_mask(other.turned, turned)
+            # Where the piece begins at the first element of the mask: below and left of the other piece.
+            first_row = other.row - other.turned.padding_cells - (height - 1)
+            first_column = other.column - other.turned.padding_cells - (width - 1)
+            _add_mask(blocked.mask, no_fit, first_row, first_column)
+        blocked.placed_count = len(self.placed)
+        return blocked.mask
 
     def place(self, turns: Turns) -> Motion | None:
         """Place the piece, in one of its turns, where its top is lowest, then leftmost; return its motion.
@@ -122,9 +132,23 @@ class _Sheet:
         if not candidates:
             return None
         best = min(candidates, key=lambda candidate: (candidate.top, candidate.column, candidate.turn))
-        self.placed.append((best.turned, best.row, best.column))
+        self.placed.append(_PlacedPiece(best.turned, best.row, best.column))
         self.top = max(self.top, best.top)
         return self.area.motion(best.turned, best.row, best.column)
+
+
+def _add_mask(target: Cells, mask: Cells, first_row: int, first_column: int) -> None:
+    """Set those elements of ``target`` that are set in ``mask``, whose first element is at this row and column.
+
+    A part of the mask may lie outside of the target, even its first element.
+    """
+    rows, columns = target.shape
+    start_row, end_row = max(0, first_row), min(rows, first_row + mask.shape[0])
+    start_column, end_column = max(0, first_column), min(columns, first_column + mask.shape[1])
+    if start_row < end_row and start_column < end_column:
+        mask_rows = slice(start_row - first_row, end_row - first_row)
+        mask_columns = slice(start_column - first_column, end_column - first_column)
+        target[start_row:end_row, start_column:end_column] |= mask[mask_rows, mask_columns]
 
 
 def nest(
@@ -147,21 +171,20 @@ def nest(
     title, box = _first_turn(area, title_mm), _first_turn(area, box_mm)
     if title and title[0].turn:
         title = []
-    # The layout.
     turns = [area.turned(outline) for _, outline, _ in pieces]
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
         if not turned:
             raise NestingError(too_large_message(name, outline, size_mm, margin_mm))
     best = _search_layout(area, title, turns, _first_orders(pieces), _min_sheets(area, pieces))
-    # The sheets keep their order, but the one with most film left comes last.
-    sheet_order = [number for number, sheet in enumerate(best.sheets) if sheet is not best.last]
-    sheet_order += [number for number, sheet in enumerate(best.sheets) if sheet is best.last]
-    # For each piece, the sheets and motions of its copies.
-    placements: list[list[NestedCopy]] = [[] for _ in pieces]
+    # The sheets of the layout keep their order, but the one with most film left comes last.
+    last = best.last
+    sheet_order = sorted(range(len(best.sheets)), key=lambda number: best.sheets[number] is last)
+    copies_of_pieces: list[list[NestedCopy]] = [[] for _ in pieces]
     for copy in best.copies:
-        placements[copy.piece].append(NestedCopy(sheet_order.index(copy.sheet), copy.motion))
+        new_number = sheet_order.index(copy.sheet)
+        copies_of_pieces[copy.piece].append(NestedCopy(new_number, copy.motion))
     return Nest(
-        placements=tuple(map(tuple, placements)),
+        placements=tuple(map(tuple, copies_of_pieces)),
         titles=tuple(best.titles[number] for number in sheet_order),
         boxes=tuple(best.sheets[number].place(box) for number in sheet_order),
     )
@@ -207,7 +230,7 @@ class _Layout:
         """The cost to minimise: number of sheets, missing titles, height and area (cells) taken of the last sheet."""
         if self.last is None:
             return (0,)
-        occupied_cells = sum(int(turned.cells.sum()) for turned, _, _ in self.last.placed)
+        occupied_cells = sum(int(placed.turned.cells.sum()) for placed in self.last.placed)
         return len(self.sheets), self.titles.count(None), self.last.top_of_pieces, occupied_cells
 
     @property
@@ -232,20 +255,16 @@ def _search_layout(
     from a changed layout if that does not cost more film. The result is the layout with the lowest ``cost`` of all.
     """
     rng = random.Random(SEED)
-    # The layouts of all starts. The search begins with the one that needs the least film.
     starts = []
     for order in orders:
-        starts += [_Start(order, True), _Start(order, False)]
+        starts += [_Start(order, title_first=True), _Start(order, title_first=False)]
     layouts = [_lay_out(area, title, turns, start) for start in starts]
     best = min(layouts, key=lambda layout: layout.cost)
+    # The search begins with the layout that needs the least film.
     film_costs = [layout.film_cost for layout in layouts]
     first_index = film_costs.index(min(film_costs))
     current, start = layouts[first_index], starts[first_index]
-    # The number of tries. It is limited so that the search does not examine too many positions of pieces.
-    positions = 0
-    for piece in start.order:
-        positions += sum(turned.place_rows * turned.place_columns for turned in turns[piece])
-    tries = min(MAX_TRIES, int(MAX_POSITIONS / positions)) if len(start.order) > 1 else 0
+    tries = _number_of_tries(turns, start.order)
     sparse_cells = SPARSE_FRACTION * math.prod(area.usable_mm) / CELL_MM**2
     for number in range(MAX_EXTENSIONS * tries):
         # After these tries, the search goes on only while it might save a sheet: there are more sheets than the lower
@@ -253,16 +272,33 @@ def _search_layout(
         might_save_sheet = len(best.sheets) > min_sheets and best.film_cost[-1] <= sparse_cells
         if number >= tries and not might_save_sheet:
             break
-        if rng.random() < TITLE_CHANGE_PROBABILITY:
-            changed = _Start(start.order, not start.title_first)
-        else:
-            changed = _Start(_changed_order(start.order, rng), start.title_first)
+        changed = _changed_start(start, rng)
         layout = _lay_out(area, title, turns, changed)
         # A changed layout that needs no more film is changed further.
         if layout.film_cost <= current.film_cost:
             current, start = layout, changed
         best = min(best, layout, key=lambda layout: layout.cost)
     return best
+
+
+def _number_of_tries(turns: Sequence[Turns], order: Sequence[int]) -> int:
+    """Return how many layouts the search tries, so that it does not examine too many positions of pieces.
+
+    ``turns`` has the rasters of each piece. A single piece has one order only, so nothing is tried.
+    """
+    if len(order) <= 1:
+        return 0
+    positions = 0
+    for piece in order:
+        positions += sum(turned.place_rows * turned.place_columns for turned in turns[piece])
+    return min(MAX_TRIES, int(MAX_POSITIONS / positions))
+
+
+def _changed_start(start: _Start, rng: random.Random) -> _Start:
+    """Return ``start`` with a random change: usually of the order, sometimes of when the titles are placed."""
+    if rng.random() < TITLE_CHANGE_PROBABILITY:
+        return _Start(start.order, not start.title_first)
+    return _Start(_changed_order(start.order, rng), start.title_first)
 
 
 def _changed_order(order: Sequence[int], rng: random.Random) -> list[int]:
@@ -299,22 +335,24 @@ def _lay_out(area: SheetArea, title: Turns, turns: Sequence[Turns], start: _Star
     sheets: list[_Sheet] = []
     titles: list[Motion | None] = []
     copies: list[_LaidCopy] = []
-    # For each piece, the first sheet that may have room for it. If a copy of a piece did not fit on a sheet, other copies
-    # will not fit there later, because sheets only become fuller.
-    first_candidate = [0] * len(turns)
+    # For each piece, the number of full sheets: those on which a copy of it did not fit. Later copies will not fit there
+    # either, because sheets only become fuller.
+    full_sheets = [0] * len(turns)
     for piece in start.order:
         motion = None
-        while motion is None and first_candidate[piece] < len(sheets):
-            motion = sheets[first_candidate[piece]].place(turns[piece])
-            if motion is None:
-                first_candidate[piece] += 1
+        for sheet in sheets[full_sheets[piece] :]:
+            motion = sheet.place(turns[piece])
+            if motion is not None:
+                break
+            full_sheets[piece] += 1
         if motion is None:
             if len(sheets) == MAX_SHEETS:
                 raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
-            sheet, title_motion, motion = _new_sheet(area, title if start.title_first else [], turns[piece])
-            sheets.append(sheet)
+            new_sheet, title_motion, motion = _new_sheet(area, title if start.title_first else [], turns[piece])
+            sheets.append(new_sheet)
             titles.append(title_motion)
-        copies.append(_LaidCopy(piece, first_candidate[piece], motion))
+        # It was placed on the first sheet that is not full.
+        copies.append(_LaidCopy(piece, full_sheets[piece], motion))
     for number, sheet in enumerate(sheets):
         sheet.top_of_pieces = sheet.top
         if titles[number] is None:

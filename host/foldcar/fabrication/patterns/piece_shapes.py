@@ -7,6 +7,7 @@ while it is cut or folded. The bridges between the cuts of one fold (``dash_brid
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import shapely
 from shapely.geometry import LineString, MultiLineString, Polygon
@@ -102,22 +103,24 @@ def dashes(
     path of a dash is shorter than the dash by the kerf, because the tool removes film beyond the ends of its path.
     """
     length = math.dist(a, b)
-
-    def point_at(distance: float) -> Point:
-        fraction = distance / length
-        return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
-
+    # Intervals and dashes are pairs of distances from a, along the fold.
     free_intervals = [(bridge_mm, length - bridge_mm)]
     if occupied is not None:
         free_intervals = list(_free_intervals(a, b, occupied))
-    cuts: list[tuple[float, float]] = []
+    finished_dashes: list[tuple[float, float]] = []
     for start, end in free_intervals:
-        cuts += _spaced_cuts(start, end, cut_mm, bridge_mm)
+        finished_dashes += _spaced_cuts(start, end, cut_mm, bridge_mm)
     half = length * SHORT_FOLD_FRACTION / 2
-    if not cuts and 2 * half >= MIN_FOLD_CUT_MM:
-        cuts = [(length / 2 - half, length / 2 + half)]
+    if not finished_dashes and 2 * half >= MIN_FOLD_CUT_MM:
+        finished_dashes = [(length / 2 - half, length / 2 + half)]
+
+    def point_at(distance: float) -> Point:
+        """Return the point of the fold at this distance from ``a``."""
+        fraction = distance / length
+        return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
+
     paths = []
-    for start, end in cuts:
+    for start, end in finished_dashes:
         # The path is shorter by half a kerf at each end, but never shorter than half of the dash.
         shortening = min(kerf_mm, (end - start) / 2)
         paths.append((point_at(start + shortening / 2), point_at(end - shortening / 2)))
@@ -184,6 +187,14 @@ def fold_cuts(flat: FlatPiece, options: Options) -> tuple[tuple[Fold, tuple[Cut,
     return tuple(folds_with_cuts)
 
 
+class _NamedCut(NamedTuple):
+    """A cut with its name for readers, and the film that is lost on each side of its line (mm)."""
+
+    name: str
+    shape: BaseGeometry
+    lost_mm: float
+
+
 def narrowest_film(flat: FlatPiece, options: Options) -> NarrowestFilm | None:
     """Return the narrowest film between two cuts; None for a piece with one cut.
 
@@ -191,22 +202,24 @@ def narrowest_film(flat: FlatPiece, options: Options) -> NarrowestFilm | None:
     cut on their line and take half a kerf of film on each side.
     """
     half_kerf = options.kerf_mm / 2
-    # Name, geometry, and film lost on each side (mm).
-    cuts: list[tuple[str, BaseGeometry, float]] = [(EDGE, flat.outline.exterior, 0.0)]
-    cuts += [(name, hole, 0.0) for name, hole in _openings(flat)]
-    cuts += [(SLIT, LineString(slit), half_kerf) for slit in flat.slits]
-    cuts += [(DASHES, MultiLineString(cut), half_kerf) for _, cut in fold_cuts(flat, options) if cut]
-    names, shapes, losses = zip(*cuts, strict=True)
+    cuts = [_NamedCut(EDGE, flat.outline.exterior, lost_mm=0.0)]
+    cuts += [_NamedCut(name, opening, lost_mm=0.0) for name, opening in _openings(flat)]
+    cuts += [_NamedCut(SLIT, LineString(slit), lost_mm=half_kerf) for slit in flat.slits]
+    for _, fold_cut in fold_cuts(flat, options):
+        if fold_cut:
+            cuts.append(_NamedCut(DASHES, MultiLineString(fold_cut), lost_mm=half_kerf))
     narrowest = None
-    for i, shape in enumerate(shapes[:-1]):
-        distances = shapely.distance(shape, shapes[i + 1 :])
-        for k, distance in enumerate(distances.tolist(), i + 1):
+    # Each cut is compared with all later ones.
+    for index, cut in enumerate(cuts[:-1]):
+        later_cuts = cuts[index + 1 :]
+        distances = shapely.distance(cut.shape, [later.shape for later in later_cuts])
+        for later, distance in zip(later_cuts, distances.tolist(), strict=True):
             # A slit may begin at an edge or a fold: then there is no film between them.
-            if SLIT in (names[i], names[k]) and distance < ROUNDING_MM:
+            if SLIT in (cut.name, later.name) and distance < ROUNDING_MM:
                 continue
-            width = distance - losses[i] - losses[k]
+            width = distance - cut.lost_mm - later.lost_mm
             if narrowest is None or width < narrowest.width_mm:
-                narrowest = NarrowestFilm(width, (names[k], names[i]))
+                narrowest = NarrowestFilm(width, (later.name, cut.name))
     return narrowest
 
 

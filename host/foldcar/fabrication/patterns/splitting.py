@@ -144,22 +144,24 @@ def _tab_outline_mm(piece: Piece, crease: Crease, depth: float) -> tuple[Point, 
     taped to the child's face, and has a notch for each hole of that face.
     """
     length = _length_mm(piece, crease)
+    # The tab is a trapezium: its outer edge is shorter than the fold.
     shape = shapely.Polygon([(0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)])
     faces = {face.name: face for face in piece.faces}
-    # The axes of the tab's frame in the child's frame: along the child's edge, and at right angles to it into the child.
+    # The holes are given in the child's frame. In this frame, the tab's x runs along the child's edge, and the tab's y at
+    # right angles to it into the child.
     start, end = (np.array(point) for point in edge(faces, crease.child))
-    along = (end - start) / np.linalg.norm(end - start)
-    inward = (-along[1], along[0])
-    tab_axes = np.array([along, inward])
-    # A notch is a rectangle around a hole, with a margin. It is open at the tab's outer edge, but leaves film at the
-    # fold.
+    tab_x = (end - start) / np.linalg.norm(end - start)
+    tab_y = (-tab_x[1], tab_x[0])
+    tab_axes = np.array([tab_x, tab_y])
     for hole in faces[crease.child.face].holes:
         hole_in_tab = (np.array(hole.outline_mm) - start) @ tab_axes.T
+        # The rectangle around the hole, with a margin.
         left, bottom = hole_in_tab.min(axis=0) - NOTCH_MM
         right, _ = hole_in_tab.max(axis=0) + NOTCH_MM
         if bottom < depth:
-            beyond_outer_edge = 2 * depth
-            shape = shape.difference(shapely.box(left, max(bottom, NOTCH_MM), right, beyond_outer_edge))
+            # The notch leaves film at the fold, and is open at the outer edge, so it reaches far beyond it.
+            notch = shapely.box(left, max(bottom, NOTCH_MM), right, 2 * depth)
+            shape = shape.difference(notch)
     # The outline starts at the origin, with the edge along the fold.
     corners = [(float(x), float(y)) for x, y in orient(shape).exterior.coords[:-1]]
     origin_index = corners.index((0.0, 0.0))

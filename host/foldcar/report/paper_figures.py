@@ -153,16 +153,21 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float], figure
     for place in x[mean >= thresholds[-1]]:
         axes.axvspan(place - axis.step / 2, place + axis.step / 2, color=REGION, linewidth=0, zorder=0)
     _draw_realities(axes, axis, designs)
-    axes.fill_between(x, 100 * low, 100 * high, color=ACCENT, alpha=0.22, linewidth=0, label="built cars, 95 % band")
-    axes.plot(x, 100 * mean, "o", color=ACCENT, markersize=4.5, label="built cars, mean")
+    # Without runs in other realities nothing is known of built cars.
+    has_built = len(x) > 0
+    if has_built:
+        axes.fill_between(x, 100 * low, 100 * high, color=ACCENT, alpha=0.22, linewidth=0, label="built cars, 95 % band")
+        axes.plot(x, 100 * mean, "o", color=ACCENT, markersize=4.5, label="built cars, mean")
     x, rate, low, high = _placed_bands(axis, designs.simulation)
     axes.fill_between(x, 100 * low, 100 * high, color=INK, alpha=0.25, linewidth=0)
     label = f"{designs.evidence.info.simulation}, 95 % band"
     axes.plot(x, 100 * rate, "-", color=INK, linewidth=1.2, label=label)
     _draw_trials(axes, axis, designs)
     _finish_success(axes, axis, thresholds, "Feasible region")
-    tint = Patch(color=REGION, label=f"mean of built cars reaches {100 * thresholds[-1]:g} %")
-    figure.legend(handles=[*axes.get_legend_handles_labels()[0], tint], loc="outside lower center", ncols=3)
+    handles, _ = axes.get_legend_handles_labels()
+    if has_built:
+        handles.append(Patch(color=REGION, label=f"mean of built cars reaches {100 * thresholds[-1]:g} %"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 

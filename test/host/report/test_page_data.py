@@ -169,6 +169,16 @@ def test_realities_are_drawn_by_their_weights(tmp_path: Path) -> None:
     curves = next(lines for lines in axes.collections if lines.get_label() == "ways in which reality may differ")
     drawn = [segment[:, 1] / 100 for segment in curves.get_segments()]
     assert numpy.allclose(drawn, after["rates"], atol=6e-4)
+    assert "built cars, mean" in axes.get_legend_handles_labels()[1]
+
+
+def test_a_figure_without_runs_in_other_realities_names_no_built_cars(tmp_path: Path) -> None:
+    path = write_study(tmp_path / "s.db", {"width_mm": [95, 180]}, 20, lambda design, sample: "passed")
+    with Store.open(path) as opened:
+        (experiment,) = read_experiments(opened)
+        figure = draw_feasibility(experiment.columns, experiment.thresholds)
+    legend_texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert legend_texts == ["simulation, 95 % band"]
 
 
 def test_effects_are_of_every_parameter(store: Path) -> None:

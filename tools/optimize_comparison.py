@@ -174,8 +174,8 @@ def passes(rows: list[RunRow]) -> int:
 
 def of_first(rows: list[RunRow], seen: int, best: list[RunRow]) -> tuple[list[float], int, float]:
     """What evidence_of_worse takes after so many runs."""
-    excess, most_better = SUCCESS.excess(rows[:seen], best, TIMEOUT_S)
-    return excess, len(best), most_better
+    losses = SUCCESS.compare(rows[:seen], best, TIMEOUT_S)
+    return losses.differences, len(best), losses.max_gain
 
 
 def main() -> None:

@@ -4,7 +4,6 @@ A trial is compared with the simulation of the same environment. This is the sto
 were not placed as planned.
 """
 
-from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,11 +18,11 @@ from foldcar.evidence.design_evidence import (
     DesignEvidence,
     PairedTrial,
     design_key,
-    design_label,
     in_family,
 )
-from foldcar.evidence.resimulation import Resimulation, RunResult
-from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
+from foldcar.evidence.designs_with_runs import simulated_design, swept_designs
+from foldcar.evidence.resimulation import Resimulation
+from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.other_drives import other_drives
 from foldcar.store.reader import Store
@@ -223,27 +222,19 @@ def _evidence(
         different = other_drives(store, info, trials)
         sentences += remarks.trials_driven_otherwise(different.values())
         trials = [trial for trial in trials if trial.id not in different]
-    by_design: dict[Any, list[Trial]] = {}
+    trials_by_key: dict[Any, list[Trial]] = {}
     for trial in trials:
-        by_design.setdefault(design_key(trial.vehicle_type, trial.design), []).append(trial)
-    designs = {
-        design_key(info.vehicle_type, design.design): design
-        for design in (_swept_designs(store, info, runs) if resimulation is not None else ())
-    }
-    unswept = [key for key in by_design if key not in designs]
-    # Designs with most trials are simulated first, because the number of new runs is limited.
-    most_first = sorted(unswept, key=lambda key: -len(by_design[key]))
-    simulated_now = {key: _simulated_design(info, by_design[key][0], resimulation) for key in most_first}
-    # Designs of the family stand before others.
-    unswept.sort(key=lambda key: not in_family(info, *_design_of(by_design[key])))
-    designs |= {key: simulated_now[key][0] for key in unswept}
+        trials_by_key.setdefault(design_key(trial.vehicle_type, trial.design), []).append(trial)
+    swept = [] if resimulation is None else swept_designs(store, info, runs)
+    swept_by_key = {design_key(info.vehicle_type, design.design): design for design in swept}
+    unswept_by_key = _unswept_designs(info, trials_by_key, swept_by_key, resimulation)
     if resimulation is not None:
-        sentences += remarks.unswept_designs([simulated_now[key] for key in unswept])
+        sentences += remarks.unswept_designs(list(unswept_by_key.values()))
+    designs = {**swept_by_key, **{key: design for key, (design, _) in unswept_by_key.items()}}
     ids_in_samples = set[int]() if resimulation is None else store.trials_in_environment(info)
-    with_trials = [
-        _with_trials(info, design, by_design.get(key, []), ids_in_samples, resimulation)
-        for key, design in designs.items()
-    ]
+    with_trials = []
+    for key, design in designs.items():
+        with_trials.append(_with_trials(info, design, trials_by_key.get(key, []), ids_in_samples, resimulation))
     simulated = sum(trial.standing == SIMULATED for trial in trials)
     uncounted = len(selected) - sum(trial.completed for trial in trials)
     evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated, uncounted)
@@ -260,73 +251,28 @@ def _evidence(
     return replace(evidence, belief=belief, remarks=(*remarks.on_runs(store, info), *sentences))
 
 
-def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
-    """Return vehicle type and parameters of the design that the trials share."""
-    return trials[0].vehicle_type, trials[0].design
+def _unswept_designs(
+    info: ExperimentInfo,
+    trials_by_key: Mapping[Any, Sequence[Trial]],
+    swept_by_key: Mapping[Any, DesignEvidence],
+    resimulation: Resimulation | None,
+) -> dict[Any, tuple[DesignEvidence, str | None]]:
+    """Return the designs that have trials but were not swept, by their keys, as :func:`simulated_design` returns them.
 
-
-def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
-    """Return the designs of the family that were swept, in their order, each with its runs."""
-    designs = list(store.designs(info.id).values())
-    elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
-    swept_designs = []
-    for design, runs_of_design in zip(designs, _indices_by_design(runs, len(designs)), strict=True):
-        outcomes = runs.outcome[runs_of_design]
-        # Rejected runs do not count in any rate.
-        is_rejected = outcomes == OUTCOMES.index(REJECTED)
-        counted_runs, rejected_runs = runs_of_design[~is_rejected], runs_of_design[is_rejected]
-        times_s = elapsed_s[counted_runs]
-        times_s = times_s[~numpy.isnan(times_s)]
-        swept_designs.append(
-            DesignEvidence(
-                info.vehicle_type,
-                dict(design),
-                design_label(info, info.vehicle_type, design),
-                swept=True,
-                samples=runs.sample[counted_runs],
-                passed=runs.outcome[counted_runs] == OUTCOMES.index("passed"),
-                outcomes=Counter(OUTCOMES[code] for code in outcomes.tolist()),
-                mean_time_s=float(times_s.mean()) if len(times_s) else None,
-                sequential=info.until is not None,
-                rejected=frozenset(runs.sample[rejected_runs].tolist()),
-            )
-        )
-    return swept_designs
-
-
-def _indices_by_design(runs: RunArrays, designs: int) -> list[NDArray[Any]]:
-    """Return the indices of the runs of each of so many ``designs``: an array for each design, in their order."""
-    # Sort the runs by design, and divide them where the next design begins.
-    run_indices = numpy.argsort(runs.design, kind="stable")
-    starts = numpy.searchsorted(runs.design[run_indices], numpy.arange(1, designs))
-    # Without designs, numpy.split returns one part.
-    return numpy.split(run_indices, starts)[:designs]
-
-
-def _simulated_design(
-    info: ExperimentInfo, trial: Trial, resimulation: Resimulation | None
-) -> tuple[DesignEvidence, str | None]:
-    """Simulate the design of a trial, which was not swept, in all environments of the sweep.
-
-    Returns the design and None, or the design without runs and the reason why it cannot be simulated.
+    Designs of the experiment's family come first.
     """
-    results: list[RunResult] = []
-    reason = None
-    if resimulation is not None:
-        results, reason = resimulation.design(info, trial)
-    outcomes = [outcome for outcome, _ in results]
-    times_s = [time_s for _, time_s in results if time_s is not None]
-    design = DesignEvidence(
-        trial.vehicle_type,
-        trial.design,
-        design_label(info, trial.vehicle_type, trial.design),
-        swept=False,
-        samples=numpy.arange(len(results)),
-        passed=numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
-        outcomes=Counter(outcomes),
-        mean_time_s=float(numpy.mean(times_s)) if times_s else None,
-    )
-    return design, reason
+    unswept = [key for key in trials_by_key if key not in swept_by_key]
+    simulated_by_key = {}
+    # Designs with most trials are simulated first, because the number of new runs is limited.
+    for key in sorted(unswept, key=lambda key: -len(trials_by_key[key])):
+        simulated_by_key[key] = simulated_design(info, trials_by_key[key][0], resimulation)
+
+    def is_outside_family(key: Any) -> bool:
+        """Return whether the design with this key is outside the experiment's family."""
+        design, _ = simulated_by_key[key]
+        return not in_family(info, design.vehicle_type, design.design)
+
+    return {key: simulated_by_key[key] for key in sorted(unswept, key=is_outside_family)}
 
 
 def _comparable_trials(

@@ -14,24 +14,24 @@ import io
 import itertools
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TextIO
+from typing import IO, Any, TextIO
 
 from foldcar.outputs import atomic_file
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.simulation.results import METRICS, NUMBERS, Recorded, Result, has_passed
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import left_out_text, select_trials
+from foldcar.store.trial_records import Trial, left_out_text, select_trials
 
 TEXT_COLUMNS = ("experiment", "vehicle", "environment")
 RESULT_COLUMNS = (*TEXT_COLUMNS, "sample", "outcome", "passed", *NUMBERS, "message")
 RECORDED_PREFIX = "recorded_"
 BATCH_ROWS = 10_000
 # Columns of trials before and after those of the design.
-TRIAL_HEAD = ("id", "experiment", "vehicle_type")
+TRIAL_HEAD = ("experiment", "vehicle_type")
 TRIAL_TAIL = (
     "sample", "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
     "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "uuid",
@@ -128,52 +128,78 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
     cannot be read or the file cannot be written.
     """
     trials, left_out = select_trials(store.trials(), simulated_trials)
-    design = list(dict.fromkeys(name for trial in trials for name in trial.design))
-    fingerprints, settings = store.environments_of_trials(), store.settings_of_trials()
+    columns = _trial_columns(store, trials)
+    deviations = [trial.deviations for trial in trials]
+    with atomic_file(file) as binary:
+        if file.suffix.lower() == ".parquet":
+            _write_trials_as_parquet(binary, columns, deviations, numbers=_design_names(trials))
+        else:
+            text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow([*columns, "deviations"])
+            rows = zip(*columns.values(), map(json.dumps, deviations), strict=True)
+            writer.writerows(map(spreadsheet_cell, row) for row in rows)
+            # Otherwise the wrapper would close the file, which atomic_file still needs.
+            text.detach()
+    return len(trials), left_out_text(left_out)
+
+
+def _design_names(trials: Sequence[Trial]) -> list[str]:
+    """Return the names of the design parameters that any of the trials has, in order of appearance."""
+    names: dict[str, None] = {}
+    for trial in trials:
+        names |= dict.fromkeys(trial.design)
+    return list(names)
+
+
+def _trial_columns(store: Store, trials: Sequence[Trial]) -> dict[str, list[Any]]:
+    """Return the columns of a table of trials by name, each with a value for each trial, without the deviations."""
     corrections: dict[int, list[dict[str, Any]]] = {trial.id: [] for trial in trials}
     for correction in store.corrections():
         if correction.trial in corrections:
             fields_of_correction = asdict(correction)
             corrections[fields_of_correction.pop("trial")].append(fields_of_correction)
-    names = ["trial", *TRIAL_HEAD[1:], *design, *TRIAL_TAIL, "environment_fingerprint", "settings", "corrections"]
-    columns: list[list[Any]] = [
-        *([getattr(trial, name) for trial in trials] for name in TRIAL_HEAD),
-        *([trial.design.get(name) for trial in trials] for name in design),
-        *([getattr(trial, name) for trial in trials] for name in TRIAL_TAIL),
-        [fingerprints.get(trial.id) for trial in trials],
-        [settings.get(trial.id) for trial in trials],
-        [json.dumps(corrections[trial.id]) if corrections[trial.id] else None for trial in trials],
-    ]
-    deviations = [trial.deviations for trial in trials]
-    with atomic_file(file) as binary:
-        if file.suffix.lower() == ".parquet":
-            import pyarrow as pa
-            import pyarrow.parquet as pq
+    fingerprints, settings = store.environments_of_trials(), store.settings_of_trials()
+    columns: dict[str, list[Any]] = {"trial": [trial.id for trial in trials]}
+    for name in TRIAL_HEAD:
+        columns[name] = [getattr(trial, name) for trial in trials]
+    for name in _design_names(trials):
+        columns[name] = [trial.design.get(name) for trial in trials]
+    for name in TRIAL_TAIL:
+        columns[name] = [getattr(trial, name) for trial in trials]
+    columns["environment_fingerprint"] = [fingerprints.get(trial.id) for trial in trials]
+    columns["settings"] = [settings.get(trial.id) for trial in trials]
+    columns["corrections"] = [json.dumps(corrections[trial.id]) if corrections[trial.id] else None for trial in trials]
+    return columns
 
-            types = dict.fromkeys(("trial", "sample"), pa.int64())
-            types |= dict.fromkeys(("elapsed_time_s", *design), pa.float64())
-            pose = ("x_m", "y_m", "heading_rad")
-            moved = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in pose)])
-            fields = [_field(name, types.get(name, pa.string())) for name in names]
-            columns.append(
-                [
-                    [
-                        {"name": name, **dict(zip(pose, deviation_values, strict=True))}
-                        for name, deviation_values in deviation.items()
-                    ]
-                    for deviation in deviations
-                ]
-            )
-            schema = pa.schema([*fields, ("deviations", pa.list_(moved))])
-            pq.write_table(pa.table(columns, schema=schema), binary)
-        else:
-            text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow([*names, "deviations"])
-            rows = zip(*columns, map(json.dumps, deviations), strict=True)
-            writer.writerows(map(spreadsheet_cell, row) for row in rows)
-            text.detach()
-    return len(trials), left_out_text(left_out)
+
+def _write_trials_as_parquet(
+    binary: IO[bytes],
+    columns: Mapping[str, list[Any]],
+    deviations: Sequence[Mapping[str, Sequence[float]]],
+    numbers: Sequence[str],
+) -> None:
+    """Write a table of trials to an open Parquet file.
+
+    ``numbers`` are the columns of design parameters. ``deviations`` has, for each trial, how far objects stood from their
+    planned positions, by their names: x (m), y (m) and heading (rad).
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    types = dict.fromkeys(("trial", "sample"), pa.int64())
+    types |= dict.fromkeys(("elapsed_time_s", *numbers), pa.float64())
+    fields = [_field(name, types.get(name, pa.string())) for name in columns]
+    pose = ("x_m", "y_m", "heading_rad")
+    deviation_type = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in pose)])
+    deviation_column = []
+    for deviations_of_trial in deviations:
+        objects = []
+        for name, values in deviations_of_trial.items():
+            objects.append({"name": name, **dict(zip(pose, values, strict=True))})
+        deviation_column.append(objects)
+    schema = pa.schema([*fields, ("deviations", pa.list_(deviation_type))])
+    pq.write_table(pa.table([*columns.values(), deviation_column], schema=schema), binary)
 
 
 def _recorded_kind(types: Collection[str]) -> str:

@@ -1,8 +1,8 @@
 """Compare an experiment with other simulations of its cars in its samples."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.evidence.evidence import Evidence
 from foldcar.report.page_types import OtherSimulation
@@ -25,30 +25,21 @@ def other_simulations(store: Store, evidence: Evidence, experiments: Sequence[Ev
     own_drives = _identity_of_drives(store, evidence.info)
     simulations: list[OtherSimulation] = []
     for other in experiments:
-        if not other.swept:
+        if not other.swept or other.info.id == evidence.info.id:
             continue
-        if other.info.id == evidence.info.id or _identity_of_drives(store, other.info) != own_drives:
+        if _identity_of_drives(store, other.info) != own_drives:
             continue
+        # The index that each design has in the other experiment, None if it lacks the design.
         other_indices = [other.index_of(design) for design in evidence.family]
-        other_runs = _passed_runs(other)
-        common_runs = 0
-        own_passed = other_passed = agreeing = 0
-        for (design, sample), has_passed in own_runs.items():
-            other_index = other_indices[design]
-            if other_index is None or (other_index, sample) not in other_runs:
-                continue
-            has_passed_in_other = other_runs[other_index, sample]
-            common_runs += 1
-            own_passed += has_passed
-            other_passed += has_passed_in_other
-            agreeing += has_passed == has_passed_in_other
-        if not common_runs:
+        common = _common_runs(own_runs, _passed_runs(other), other_indices)
+        if not common.number:
             continue
         # The name of a simulation says how it differs from the other one.
         name, own_name = _simulation_name(other.info, evidence.info), _simulation_name(evidence.info, other.info)
-        text = f"{name}: {other_passed:,} of the same {count(common_runs, 'run')} passed, {own_name}: {own_passed:,}"
+        same_runs = count(common.number, "run")
+        text = f"{name}: {common.other_passed:,} of the same {same_runs} passed, {own_name}: {common.own_passed:,}"
         if other.info.under == evidence.info.under:
-            text += f"; {percent(agreeing / common_runs, 1)} of the runs have the same result in both"
+            text += f"; {percent(common.agreeing / common.number, 1)} of the runs have the same result in both"
         # The counts of a design that the other experiment lacks are 0.
         counts = [[0, 0] if index is None else other.run_counts[index].tolist() for index in other_indices]
         simulations.append(
@@ -61,6 +52,38 @@ def other_simulations(store: Store, evidence: Evidence, experiments: Sequence[Ev
             }
         )
     return simulations
+
+
+class _CommonRuns(NamedTuple):
+    """Runs of the same designs in the same samples in two simulations: how many, how many passed, how many agree."""
+
+    number: int
+    own_passed: int
+    other_passed: int
+    agreeing: int
+
+
+def _common_runs(
+    own_runs: Mapping[tuple[int, int], bool],
+    other_runs: Mapping[tuple[int, int], bool],
+    other_indices: Sequence[int | None],
+) -> _CommonRuns:
+    """Count the runs that two simulations have in common.
+
+    ``own_runs`` and ``other_runs`` say whether each run passed, by design and sample. ``other_indices`` has the index of
+    each own design among the designs of the other simulation, or None.
+    """
+    number = own_passed = other_passed = agreeing = 0
+    for (design, sample), has_passed in own_runs.items():
+        other_index = other_indices[design]
+        if other_index is None or (other_index, sample) not in other_runs:
+            continue
+        has_passed_in_other = other_runs[other_index, sample]
+        number += 1
+        own_passed += has_passed
+        other_passed += has_passed_in_other
+        agreeing += has_passed == has_passed_in_other
+    return _CommonRuns(number, own_passed, other_passed, agreeing)
 
 
 def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:

@@ -260,6 +260,16 @@ def _evenly_spaced(number: int, max_number: int) -> NDArray[Any]:
     return numpy.unique(numpy.linspace(0, number - 1, max_number).round().astype(int))
 
 
+def _centred_gradients(functions: NDArray[Any], residual: NDArray[Any], environment_index: NDArray[Any]) -> NDArray[Any]:
+    """Return the gradients (functions, environments) of the log-likelihoods of the environments, with the mean 0.
+
+    ``functions`` (runs, functions) are the basis functions at each run's design, and ``residual`` (runs,) is 1 or 0 for a
+    passed or failed run, minus its predicted rate. ``environment_index`` (runs,) is the environment of each run.
+    """
+    gradients = numpy.array([numpy.bincount(environment_index, column * residual) for column in functions.T])
+    return numpy.asarray(gradients - gradients.mean(axis=1, keepdims=True))
+
+
 @dataclass(frozen=True)
 class Standardised:
     """Success as a function of the parameters at ``indices``, averaged over the other parameters of ``effects``."""
@@ -304,15 +314,12 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
             continue
         functions = basis_functions(candidate.process, candidate.strength, scaled)
         residual = has_passed - logistic(functions @ mode)[design_index]
-        # The gradient (functions, environments) of the log-likelihood of each environment's runs.
-        gradients = numpy.array(
-            [numpy.bincount(environment_index, column[design_index] * residual, environments) for column in functions.T]
-        )
-        gradients -= gradients.mean(axis=1, keepdims=True)
+        gradients = _centred_gradients(functions[design_index], residual, environment_index)
         # Student's t, because the gradients' covariance is estimated from this many environments.
         degrees_of_freedom = environments - 1
         scale = numpy.sqrt(environments / random.chisquare(degrees_of_freedom, number))[:, None]
-        # The covariance of S (gradients + noise), which is the sandwich; root root.T is S, noise has the covariance 1.
+        # A row of ``step`` has the covariance M + 1 of the file's head, and root root' is S. So the draws have the
+        # covariance S (M + 1) S, which is the sandwich.
         step = scale * random.standard_normal((number, environments)) @ gradients.T + noise
         drawn_factors.append(mode + step @ root @ root.T)
     has_runs = counted_runs > 0

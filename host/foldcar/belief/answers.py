@@ -153,9 +153,13 @@ class Answers:
 
     @cached_property
     def cars(self) -> list[CarAnswer]:
-        """The cars that drove, with their own rates."""
+        """The built cars that drove, each with its trials and its estimated success rate.
+
+        The rate of a car differs from that of its design, because no two built cars are equal.
+        """
         if not self.driven:
             return []
+        # Each weighted draw of the posterior has a rate for each car.
         rates = estimates(self.draws.car_rates(self.trials), self.draws.weights)
         cars = len(self.trials.design)
         # A car has several groups of trials, one for each scene.

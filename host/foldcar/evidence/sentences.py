@@ -174,9 +174,10 @@ def _lower_limits(evidence: Evidence) -> NDArray[numpy.float64]:
 
 
 def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold: float) -> str:
-    """Say that no design reaches the threshold in nominal simulation, and which design is the best, with its rate.
+    """Return a sentence which says that no design reaches the threshold, and which design is the best, with its rate.
 
-    ``rates`` (family,) are the success rates of the designs; the rate of a design without runs is 0.
+    ``rates`` has the success rate of each design of the family, in simulation with the simulator's nominal values. The
+    rate of a design without runs is 0.
     """
     limit = threshold_text(threshold)
     if not rates.any():

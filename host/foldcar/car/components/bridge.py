@@ -127,8 +127,8 @@ def _add_flange(shape: Shape, width: float, shelf_z: float, shelf_edge: str) -> 
     """Add the flange that hangs down from the shelf, with a tongue in its middle that reaches through the floor.
 
     ``shelf_edge`` is the edge of the shelf from which it hangs, ``front`` or ``rear``, and ``width`` the length of this
-    edge. In the flange's frame, x runs along this edge and y points down. ``shelf_z`` is the height of the shelf above
-    the floor, from the middle of one film to that of the other.
+    edge. In the flange's frame, x runs along this edge and y points down. All are faces of plastic film. ``shelf_z`` is
+    the height of the shelf above the floor, measured between the middles of their thicknesses.
     """
     assembly, film = shape.parts.assembly, shape.parts.film_mm
     # The flange becomes narrower towards its lower edge, which ends just above the floor and between the bridge's feet.

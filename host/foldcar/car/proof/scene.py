@@ -149,9 +149,11 @@ class CarSolids:
         return list(join_of_cut.values())
 
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
-        """Return the solids of a copy of a piece, or of a mount; none for loose wires.
+        """Return the solids that a part fills at a stage of the assembly, in the car's frame.
 
-        As long as a part has not moved, its last result is used again.
+        ``key`` names one of the equal copies of a folded piece, or a mount, which is a bought part. The result is empty
+        for the wiring, whose wires are loose.
+        As long as a part has not moved since the last call, that call's result is used again.
         """
         poses = stage.poses(key)
         if key in self._latest:

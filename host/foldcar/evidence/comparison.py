@@ -261,12 +261,19 @@ def _why_not_comparable(evidence: Evidence) -> str | None:
 
 
 def _compare_design(design: DesignEvidence, belief: Belief | None, margin: float) -> DesignComparison:
-    """Compare a design's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree."""
+    """Compare the success rates of a design in trials, in simulation, and of cars of the design that are built next.
+
+    The last of these rates is known if there is a ``belief`` about the design, which combines all runs and trials. Then
+    the result has a verdict on the gap between this rate and the one in simulation. Rates that differ by at most
+    ``margin`` (0 to 1) agree.
+    """
+    # The rate of the cars that drove.
     driven = design.driven(CONFIDENCE)
     simulated = design.simulated(CONFIDENCE) if design.runs else None
     row = None if belief is None else belief.row_of(design)
     if belief is None or row is None:
         return DesignComparison(design, driven, simulated)
+    # The rate expected of a further car.
     built = built_rate(belief, row)
     if not design.runs:
         return DesignComparison(design, driven, simulated, built)

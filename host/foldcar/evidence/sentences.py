@@ -84,8 +84,12 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
 
 
 def grounds(evidence: Evidence, threshold: float) -> str:
-    """Return the evidence: which designs reach the threshold in the runs, and how many trials passed."""
+    """Return sentences on which designs reach the threshold in simulation, and how many of their trials passed.
+
+    These are the grounds of the advice on which car to build. ``threshold`` is the success rate that a good car reaches.
+    """
     info = evidence.info
+    # A reality is a set of random values of what the simulator does not know, such as friction.
     start = "Expected over realities," if info.is_over_realities else f"In {info.simulation}"
     sentences = [f"{start} {_reaching_in_simulation(evidence, threshold)}."]
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))

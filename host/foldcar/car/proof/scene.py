@@ -118,7 +118,11 @@ class CarSolids:
     """The solids of one car. Without ``tongues``, a tongue is cut off where it is inside its slot."""
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
-        """Prepare the solids. With ``tongues``, all tongues are complete, also inside their slots."""
+        """Prepare to compute the solids of a car's parts.
+
+        A tongue of a piece goes through a slot of another piece, and would overlap it. So the ends of tongues are cut
+        off, unless ``tongues`` is True.
+        """
         self.roles = roles
         # The solids of pieces and mounts, and the poses for which they were computed last.
         self._latest: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}

@@ -88,10 +88,10 @@ def step_pictures(step: AssemblyStep, state: AssemblyState, title: str) -> tuple
 
 
 def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
-    """Return the pictures of the finished car in service.
+    """Return the pictures on how to open the finished car and reach the parts inside, to service it.
 
-    The first one shows how its lids are opened, if it has any. The second one shows the car with open lids, and what
-    plugs, fingers and screwdrivers reach then.
+    If the car has lids, the first picture shows how they are opened. The last one shows the car with open lids, and what
+    plugs, fingers and screwdrivers reach then. Wheels, screws and spacers are not drawn.
     """
     state = AssemblyState(car)
     for step in assembly_steps(car):
@@ -101,6 +101,7 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     folds_of_lids = [step.folds for step in service_steps(car) if step.folds]
     pictures: list[Drawing] = []
     if folds_of_lids:
+        # Parts that are fixed to a lid would hide it.
         without_parts_on_lids = [
             part for part in parts if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))
         ]

@@ -91,9 +91,10 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
 def body_and_settings(
     design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float
 ) -> tuple[str, str]:
-    """Return the body of a design and the settings of its runs, as JSON texts.
+    """Return what the simulator needs for runs of a design, as two JSON texts: the car's body and the settings of runs.
 
-    Raises FoldcarError if an argument is outside its limits.
+    The body has the car's sizes, masses and servos. The settings have the three other arguments. Raises FoldcarError if
+    an argument is outside its limits.
     """
     return _body_and_settings(
         design.type,

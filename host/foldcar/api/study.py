@@ -274,7 +274,7 @@ class Study:
         """Draw a picture of an experiment into ``figure``, or into a new figure if that is None, and return the figure.
 
         The picture is the experiment's first drawing whose kind is one of ``kinds``. Error messages begin with the text
-        ``caller``.
+        ``caller``. If ``simulated_trials`` is True, trials of simulated cars are drawn as if built cars had driven them.
         """
         from foldcar.report.reported_experiment import read_experiments
 

@@ -153,9 +153,13 @@ class Answers:
 
     @cached_property
     def cars(self) -> list[CarAnswer]:
-        """The cars that drove, with their own rates."""
+        """The built cars that drove, each with its trials and its estimated success rate.
+
+        The rate of a car differs from that of its design, because no two built cars are equal.
+        """
         if not self.driven:
             return []
+        # Each weighted draw of the posterior has a rate for each car.
         rates = estimates(self.draws.car_rates(self.trials), self.draws.weights)
         cars = len(self.trials.design)
         # A car has several groups of trials, one for each scene.
@@ -248,10 +252,12 @@ class Answers:
         return surprises
 
     def _passed_by_other_designs(self, design: int) -> FloatArray:
-        """Draw how many trials of a design pass, knowing only the trials of all other designs.
+        """Draw at random how many trials of a design pass, as predicted from the trials of all other designs alone.
 
-        The result (SURPRISE_DRAWS,) is for other cars of the design, each of which drives as often as one that drove.
+        ``design`` is its index. The result has SURPRISE_DRAWS random numbers of passed trials. They are for new cars of
+        the design: as many as drove, each with as many trials as the car that drove.
         """
+        # Weighted draws of the posterior, from which so many are chosen by their weights.
         draws = self._draws_without(design)
         random = numpy.random.default_rng(SURPRISE_SEED)
         chosen = random.choice(len(draws.weights), SURPRISE_DRAWS, p=draws.weights)
@@ -260,6 +266,7 @@ class Answers:
         passed = numpy.zeros(SURPRISE_DRAWS)
         for car in numpy.flatnonzero(self.trials.design == design):
             trials_of_car = int(self.trials.counted[self.trials.car == car].sum())
+            # A new car deviates at random from the other cars of its design.
             car_log_odds = centre_of_cars(log_odds, car_sd) + car_sd * random.standard_normal(SURPRISE_DRAWS)
             passed += random.binomial(trials_of_car, expit(car_log_odds))
         return passed

@@ -317,10 +317,11 @@ def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
 
 
 def _regression_inputs(scores: FloatArray) -> FloatArray:
-    """Return the inputs of the regression for ``scores`` (n, parameters), as an array of the same shape.
+    """Return the inputs of the regression that learns success rates, for ``scores`` (n, parameters), in the same shape.
 
-    For most parameters the input is the score. Some parameters are standard deviations, such as that of the car's start.
-    Their effect is proportional to their value, not to their score, so the input is the value minus its mean.
+    A score is the value of one of the simulator's unknown parameters on a scale on which it is standard normal. For most
+    parameters the input is the score. Some parameters are standard deviations, such as that of the car's start. Their
+    effect is proportional to their value, not to their score, so the input is the value minus its mean.
     """
     inputs = numpy.array(scores, dtype=float)
     for index, parameter in enumerate(PARAMETERS):

@@ -343,9 +343,13 @@ class _RandomWalk:
         self._stride = FIRST_STRIDE
 
     def moved(self, draws: Draws, log_likelihood: FloatArray, power: float) -> tuple[Draws, FloatArray]:
-        """Return the draws after a random step, and their log-likelihoods (n,). Some draws do not move."""
-        # Such a step leaves the standard normal distribution, which is the prior, unchanged. So only the likelihood
-        # decides whether the new draw is accepted.
+        """Move each draw by one random step of a Metropolis sampler. Return the draws and their log-likelihoods (n,).
+
+        The distribution that the steps preserve is the prior times the trials' likelihood to the power of ``power``, 0 to
+        1. ``log_likelihood`` (n,) is that of the given ``draws``. A draw whose step is rejected stays where it is.
+        """
+        # A step that mixes the draw with noise like this preserves the standard normal distribution, which is the prior.
+        # So only the likelihood decides whether the new draw is accepted.
         noise = self._random.standard_normal(draws.normal.shape)
         kept_part = numpy.sqrt(1 - self._stride**2) * draws.normal
         proposed = replace(draws, normal=kept_part + self._stride * noise)

@@ -71,7 +71,10 @@ def full_speed_m_s(design: Design) -> float:
 
 
 def _segment_json(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
-    """Return the segment with that index as carsim's input."""
+    """Return a segment, a rigid part of the car, as the JSON object that the simulator reads.
+
+    ``index`` counts the segments from the front, from 0. Lengths are in the car's frame.
+    """
     box = design.segments[index]
     properties = body_properties(car, f"segment{index}")
     return {
@@ -79,6 +82,7 @@ def _segment_json(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
         "length_m": box.length_mm * MM,
         "width_m": design.width_mm * MM,
         "height_m": design.height_mm * MM,
+        # The middle of all segments has the height 0 in the car's frame.
         "center_z_m": 0.0,
         "mass_kg": properties.mass_kg,
         "com_x_m": properties.center_m[0],

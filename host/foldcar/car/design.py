@@ -240,18 +240,20 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 
 
 def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
-    """Return the values of the module at a place. A composite consists of several modules; return those of each.
+    """Return the values of the parameters of one of a car's modules.
 
-    ``letter`` is the letter of the module in the type string, such as W, and ``place`` the name of this module, such as
-    W2. ``values`` are the values of the design, by key. The key of the place (``W2.radius``) comes before that of the
-    letter (``W.radius``), and this before the shared key (``radius``).
+    The result has one entry. If the module is a composite, which consists of several modules, it has an entry for each of
+    these. ``letter`` is the kind of the module, such as W, and ``place`` the name of this module, such as W2. ``values``
+    are the values of the design, by key. If several keys set a parameter, the most special one is used: ``W2.radius``
+    for this module before ``W.radius`` for all modules of the kind, and this before ``radius`` for all modules.
     """
     kind = MODULES[letter]
     # For each parameter that the design sets: its value, and the key that sets it.
     own_values: dict[str, float] = {}
     own_keys: dict[str, str] = {}
     for parameter in kind.parameters:
-        for key in (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name):
+        keys_by_priority = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
+        for key in keys_by_priority:
             if key in values:
                 own_values[parameter.name] = values[key]
                 own_keys[parameter.name] = key

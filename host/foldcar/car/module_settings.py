@@ -52,7 +52,12 @@ def _depth_behind_mm(design: Design, cap: str) -> float:
 
 
 def settings_from_car(design: Design, module: int) -> dict[str, float]:
-    """Return the values that a module gets from its place in the car, by name; the module is not a hinge."""
+    """Return the settings that a module gets from its place in the car, by name. They do not exist for hinges.
+
+    All modules have settings of their lid's flap, and wheel modules have some of their servos. The module with the
+    electronics has the free length of the floor (mm) at its ends, and the limits (mm) of the place of the USB socket
+    between the tyres.
+    """
     settings = _flap_settings(design, module)
     if module in design.wheel_modules:
         settings |= _wheel_settings(design, module)

@@ -63,13 +63,14 @@ def load_components(file: Path) -> list[str]:
 def _executed(file: Path, path: Path) -> tuple[ModuleType, RecordedFiles]:
     """Execute a Python file, and return its module and the files that it has read. Raises FoldcarError if it fails.
 
-    ``path`` is the absolute path of ``file``, which messages name.
+    ``file`` is the path as the user typed it, which messages name, and ``path`` is the same path made absolute.
     """
     spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
         raise FoldcarError(f"--components {file}: is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
+        # The result must not depend on the user's environment variables or on compiled code that is out of date.
         with only_minimal_variables(), sources_only(path.parent), recorded_files() as recorded:
             spec.loader.exec_module(module)
     except SyntaxError as error:

@@ -209,7 +209,10 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
 
 
 def _announce_folding(planned: "Sweep") -> None:
-    """Print an estimate of the time for folding all designs, if there are at least MANY_DESIGNS."""
+    """Print how long folding takes, if there are at least MANY_DESIGNS.
+
+    Before a sweep simulates, it folds each design: it computes the folded car and checks whether it can be built.
+    """
     if sum(experiment.family.combinations for experiment in planned.study.experiments) < MANY_DESIGNS:
         return
     from foldcar.statistics.words import duration_text
@@ -217,6 +220,7 @@ def _announce_folding(planned: "Sweep") -> None:
 
     folding_s = 0.0
     for experiment in planned.study.experiments:
+        # This folds designs for one second, and estimates the time for all.
         _, family_s = fold(experiment.family, limit_s=1.0)
         folding_s += family_s
     print_note(

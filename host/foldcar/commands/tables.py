@@ -49,7 +49,11 @@ def _rate(rate: "Rate | None") -> str:
 
 
 def print_comparison(comparison: "Comparison") -> None:
-    """Print the comparison of simulation with trials: a sentence, then each experiment's tables, ranks and remarks."""
+    """Print the comparison of simulation with trials.
+
+    First comes a sentence. Then follow, for each experiment, its tables, how well simulation ranks the designs, and
+    remarks. Last come sentences on *unswept* experiments, which have trials but no simulated runs.
+    """
     console = shown_console(PLAIN_WIDTH)
     console.print(comparison.sentence, style="bold")
     for experiment in comparison.experiments:

@@ -181,14 +181,17 @@ def compare(
     margin: float = MARGIN,
     simulated_trials: bool = False,
 ) -> Comparison:
-    """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
+    """Compare the success rates of a store's trials, with built cars, with those of its simulated runs.
 
-    ``experiment`` limits the comparison to one. With ``simulated_trials``, trials of simulated cars count as
-    if built cars had driven them. Raises FoldcarError if the store cannot be read or has no such experiment.
+    Rates that differ by at most ``margin`` (0 to 1) agree. If ``experiment`` is given, only this experiment is compared.
+    If ``simulated_trials`` is True, trials of simulated cars count as if built cars had driven them. Raises FoldcarError
+    if the store cannot be read or has no such experiment.
     """
-    unswept = {trial.experiment for trial in store.trials()} - swept_ids(store)
-    evidence = [] if experiment in unswept else read_evidence(store, experiment, simulated_trials)
-    return compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
+    # Such experiments have trials, but were not swept, so there are no runs to compare the trials with.
+    without_runs = {trial.experiment for trial in store.trials()} - swept_ids(store)
+    evidence = [] if experiment in without_runs else read_evidence(store, experiment, simulated_trials)
+    trials_without_runs = unswept_trials(store, experiment, simulated_trials)
+    return compare_evidence(evidence, trials_without_runs, margin)
 
 
 def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
@@ -258,12 +261,19 @@ def _why_not_comparable(evidence: Evidence) -> str | None:
 
 
 def _compare_design(design: DesignEvidence, belief: Belief | None, margin: float) -> DesignComparison:
-    """Compare a design's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree."""
+    """Compare the success rates of a design in trials, in simulation, and of cars of the design that are built next.
+
+    The last of these rates is known if there is a ``belief`` about the design, which combines all runs and trials. Then
+    the result has a verdict on the gap between this rate and the one in simulation. Rates that differ by at most
+    ``margin`` (0 to 1) agree.
+    """
+    # The rate of the cars that drove.
     driven = design.driven(CONFIDENCE)
     simulated = design.simulated(CONFIDENCE) if design.runs else None
     row = None if belief is None else belief.row_of(design)
     if belief is None or row is None:
         return DesignComparison(design, driven, simulated)
+    # The rate expected of a further car.
     built = built_rate(belief, row)
     if not design.runs:
         return DesignComparison(design, driven, simulated, built)

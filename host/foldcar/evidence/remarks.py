@@ -91,10 +91,14 @@ def trials_beside_realities(info: ExperimentInfo, number: int) -> list[str]:
 
 
 def trials_in_other_environments(programs: Iterable[str | None], info: ExperimentInfo) -> list[str]:
-    """Return a remark for each Scenic program of trials that were driven in another environment than the runs."""
+    """Return remarks on the trials that are left out because they were driven in another environment than the runs.
+
+    ``programs`` has the Scenic program of each of these trials, or None if it is unknown. Each program gets one remark.
+    """
     sentences = []
     for program, number in Counter(programs).items():
         left_out = f"{count(number, 'trial')} left out: driven"
+        # ``info.under`` names what the experiment changes in the program's scenes.
         if program == info.scenic_program and info.under is not None:
             sentences.append(
                 f"{left_out} in the nominal scenes of {program}, which the {info.under} changes. Experiment "

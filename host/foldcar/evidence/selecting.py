@@ -62,10 +62,11 @@ def _selection_of_search(search: Evidence, fresh: Evidence, fresh_selection: Sel
 
 
 def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
-    """Return the advice for one experiment.
+    """Return the advice for one experiment: which car to take, and which trials to make next.
 
-    ``threshold`` is the success rate that a good car reaches. If it is None, it is the highest threshold of the listing,
-    or THRESHOLD if the listing has none.
+    The advice on trials needs a *belief*, the probability distribution of the success rates of built cars, given all runs
+    and trials. Without a belief, the result says why there is none. ``threshold`` is the success rate that a good car
+    reaches. If it is None, it is the highest threshold of the listing, or THRESHOLD if the listing has none.
     """
     info, belief = evidence.info, evidence.belief
     if threshold is None:
@@ -74,8 +75,8 @@ def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
         # The matrices are so small that threads would only wait for each other.
         with threadpool_limits(1):
             selection = Adviser(evidence, belief, threshold).selection()
-    elif info.success_defined and evidence.run_counts[:, 1].any():
-        # Without a belief, the rates in simulation are all that can be said.
+    elif info.success_defined and any(design.runs for design in evidence.family):
+        # Only the success rates in simulation are known.
         selection = Selection(
             info, threshold, works=grounds(evidence, threshold), learn=why_no_belief(info), remarks=evidence.remarks
         )

@@ -84,8 +84,12 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
 
 
 def grounds(evidence: Evidence, threshold: float) -> str:
-    """Return the evidence: which designs reach the threshold in the runs, and how many trials passed."""
+    """Return sentences on which designs reach the threshold in simulation, and how many of their trials passed.
+
+    These are the grounds of the advice on which car to build. ``threshold`` is the success rate that a good car reaches.
+    """
     info = evidence.info
+    # A reality is a set of random values of what the simulator does not know, such as friction.
     start = "Expected over realities," if info.is_over_realities else f"In {info.simulation}"
     sentences = [f"{start} {_reaching_in_simulation(evidence, threshold)}."]
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
@@ -174,9 +178,10 @@ def _lower_limits(evidence: Evidence) -> NDArray[numpy.float64]:
 
 
 def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold: float) -> str:
-    """Say that no design reaches the threshold in nominal simulation, and which design is the best, with its rate.
+    """Return a sentence which says that no design reaches the threshold, and which design is the best, with its rate.
 
-    ``rates`` (family,) are the success rates of the designs; the rate of a design without runs is 0.
+    ``rates`` has the success rate of each design of the family, in simulation with the simulator's nominal values. The
+    rate of a design without runs is 0.
     """
     limit = threshold_text(threshold)
     if not rates.any():

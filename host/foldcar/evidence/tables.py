@@ -126,7 +126,10 @@ def _unknown(unknown: Unknown) -> dict[str, Any]:
 
 
 def _counts(design: DesignComparison) -> dict[str, int]:
-    """Return the numbers of runs, trials and cars of a design."""
+    """Return the numbers of runs, trials and cars of a design.
+
+    ``paired`` trials were driven in the scene of a simulated run, and ``agreeing`` ones of these ended like the run.
+    """
     evidence = design.evidence
     return {
         "runs": evidence.runs,

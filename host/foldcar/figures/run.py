@@ -193,7 +193,7 @@ def _draw_ground(
 ) -> tuple[float, float]:
     """Draw the ground under the left and the right wheels along a line, and return its minimum and maximum height (m).
 
-    Height 0 counts, too.
+    The minimum is at most 0 and the maximum at least 0, so that the picture always shows the level of flat ground.
     """
     lowest, highest = 0.0, 0.0
     # The left side is farther away, so it is drawn first, in a paler colour and with a dashed line.

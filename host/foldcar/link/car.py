@@ -293,7 +293,11 @@ def greet(port: str, timeout_s: float = GREETING_S) -> ConnectedCar:
 
 
 def _greet_once(port: str, timeout_s: float) -> ConnectedCar:
-    """Connect to a car as :func:`greet`. Raises LinkLostError if the connection is closed before a heartbeat arrives."""
+    """Connect to the car at a port, and wait for its heartbeat.
+
+    Raises NoCarError if no heartbeat of a car arrives within ``timeout_s``, and LinkLostError if the connection is closed
+    before.
+    """
     connection = connect(port)
     dialect = connection.dialect
     try:

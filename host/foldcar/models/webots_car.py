@@ -136,7 +136,10 @@ def _segment_fields(body: Mapping[str, Any], index: int) -> dict[str, Any]:
 
 
 def _hinge(body: Mapping[str, Any], index: int) -> Node:
-    """Return a hinge joint with the segment behind it."""
+    """Return a hinge between two segments, rigid parts of the car, as Webots' node of a joint.
+
+    ``index`` counts the hinges from the front. The node contains the segment behind the hinge.
+    """
     hinge = body["hinges"][index]
     parameters = {
         "axis": vector(0, 1, 0),
@@ -146,7 +149,8 @@ def _hinge(body: Mapping[str, Any], index: int) -> Node:
         "springConstant": hinge["stiffness_n_m_rad"],
         "dampingConstant": hinge["damping_n_m_s_rad"],
     }
-    rear = Node("Solid", {"name": segment_name(index + 1), **_segment_fields(body, index + 1)})
+    segment_behind = index + 1
+    rear = Node("Solid", {"name": segment_name(segment_behind), **_segment_fields(body, segment_behind)})
     return Node("HingeJoint", {"jointParameters": Node("HingeJointParameters", parameters), "endPoint": rear})
 
 

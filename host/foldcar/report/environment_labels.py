@@ -94,10 +94,11 @@ def labels_of_objects(objects_by_sample: Mapping[int, Sequence[Any]]) -> dict[st
 
 
 def prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
-    """Return how the labels of a piece's columns begin, by the piece's name in the scene, such as ``box_2``.
+    """Return the prefix of each terrain piece, with which the labels of its columns in a table begin.
 
-    If the piece is all of an object ``kerb``, the prefix is "kerb ". If it is one of several pieces of an object
-    ``stair``, the prefix names the piece, too: "stair, block 1: " for the object's first block.
+    A key is the piece's name in the scene, such as ``box_2``. If an object ``kerb`` of the program is a single piece,
+    the prefix is "kerb ". If an object ``stair`` has several pieces, the prefix names the piece, too: "stair, block 1: "
+    for the object's first block. The result is empty if the scenes have different pieces.
     """
     objects = objects_of_pieces(info.terrain_objects, scenes.values())
     if objects is None:

@@ -15,10 +15,12 @@ REALITIES = 100
 
 
 def drawn_realities(evidence: Evidence) -> tuple[FloatArray, FloatArray] | None:
-    """Draw some realities from the belief. Return their values and the success rates of all designs in each of them.
+    """Draw random values of the simulator's unknown parameters, and return them with the designs' success rates.
 
-    The values are (REALITIES, parameters). The rates are (REALITIES, designs of the family), and NaN for designs that do
-    not belong to the belief. Returns None if there is no belief.
+    A *reality* is one such set of values, for example of friction and backlash. It is drawn from the belief: the
+    probability distribution of these values, given the trials. The values are (REALITIES, parameters). The rates are
+    (REALITIES, designs of the family). They are NaN for designs that do not belong to the belief. Returns None if there
+    is no belief.
     """
     belief = evidence.belief
     if belief is None:

@@ -131,7 +131,11 @@ class _PlaceBins(NamedTuple):
 
 
 def _place_bins(place_m: NDArray[Any], goal_m: float) -> _PlaceBins:
-    """Return bins that contain the start at 0, the goal at ``goal_m``, and all places."""
+    """Return the bins of a histogram of the places at which runs ended.
+
+    Places are distances (m) along the straight way from the start, at 0, to the goal, at ``goal_m``. The bins contain
+    both and all places. Their width is the smallest of STEPS_M with which there are at most MAX_BINS bins.
+    """
     low_m = min(0.0, float(place_m.min()))
     high_m = max(goal_m, float(place_m.max()))
     step_m = STEPS_M[-1]
@@ -147,16 +151,19 @@ def _place_bins(place_m: NDArray[Any], goal_m: float) -> _PlaceBins:
 def met_obstacles(
     course: Course, extents: CarExtents, place_m: NDArray[Any], design: NDArray[Any], sample: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return the index of the obstacle that each car (cars,) touched where it ended, or -1 if it touched none.
+    """Return the index of the obstacle that each car touched where its run ended, or -1 if it touched none.
 
-    ``place_m`` is the place of the car's middle along the way. If a car touched several obstacles, the result is the one
-    nearest to its middle. Of two equally near ones it is the shorter one.
+    The last three arguments and the result have the shape (cars,). ``design`` and ``sample`` are indices, of the car's
+    design and of its environment. ``place_m`` is how far the car's middle was along the straight way from start to goal.
+    If a car touched several obstacles, the result is the one nearest to its middle. Of two equally near ones it is the
+    shorter one.
     """
     car_first_m = place_m - extents.back_m[design]
     car_last_m = place_m + extents.front_m[design]
     car_side_m = extents.side_m[design]
     nearest_m, nearest_obstacle = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
     for obstacle in range(len(course.names)):
+        # The obstacle's ends along the way, in the environment of each car.
         first_m, last_m = course.first_m[sample, obstacle], course.last_m[sample, obstacle]
         touches_along = (car_last_m >= first_m - CONTACT_M) & (car_first_m <= last_m + CONTACT_M)
         touches = touches_along & (course.gap_m[sample, obstacle] <= car_side_m)

@@ -282,7 +282,10 @@ def _mark_thresholds(axes: Axes, thresholds: Sequence[float]) -> None:
 
 
 def draw_outcomes(designs: DesignColumns, figure: Figure | None = None) -> Figure:
-    """Draw the fraction of each outcome as stacked bars, one bar per value."""
+    """Draw how runs ended, as the percentage of each outcome in stacked bars.
+
+    There is a bar for each value of the only parameter in which the designs differ.
+    """
     axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     outcome_counts = designs.evidence.outcome_counts

@@ -282,14 +282,16 @@ def named_things(scenario: Any) -> dict[str, Any]:
 
 
 def named_instances(scenario: Any) -> dict[str, list[Any]]:
-    """Return a compiled program's objects and points by the names of its variables.
+    """Return the Scenic objects and points of a compiled program, by the name of the variable that has them.
 
-    Each variable has a list: of one object, or of the objects in the list or tuple that is its value.
+    A variable has a list of one object, or of several if its value is a list or tuple of objects. Other variables are
+    left out. The car is also returned as ``ego``.
     """
     instance_ids = {id(value) for value in scenic_private.instances(scenario)}
     instances = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
     for name, variable in named_things(scenario).items():
         items = variable if isinstance(variable, list | tuple) else [variable]
+        # If an item is a sample of an object of the program, take this object.
         values = [scenic_private.unsampled(item) for item in items]
         if values and all(id(value) in instance_ids for value in values):
             instances[name] = values

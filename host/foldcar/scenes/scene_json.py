@@ -75,7 +75,10 @@ def scene_with_obstacles(
 
 
 def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any], list[Obstacle]]:
-    """Return what :func:`scene_with_obstacles` does. Raises UnusableError if the scene cannot be simulated."""
+    """Convert a sampled Scenic scene to the simulator's scene, as JSON data in metres and radians, and its obstacles.
+
+    If ``needs_goal`` is True, the scene must have a Goal. Raises UnusableError if the scene cannot be simulated.
+    """
     ego = scene.egoObject
     if not is_a(ego, "Robot"):
         raise UnusableError(f"the ego is a {type(ego).__name__}, not a Robot", ego)
@@ -84,7 +87,7 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
     friction = param(scene, "friction")
     if not 0 < friction <= MAX_FRICTION:
         raise UnusableError(f"param friction: {friction} is not above 0 and at most {MAX_FRICTION:g}")
-    # This raises UnusableError if the parameter is not valid.
+    # This is called only for its check: it raises UnusableError if the time step is not valid.
     outer_step_s(scene.params)
     things = list(scene.objects)
     for thing in things:

@@ -213,6 +213,7 @@ def open_environment(
         program_files = ProgramFiles(program, files)
         states_before = _generator_states()
         scenario = compile_program(program, params, program_files)
+        # A random value that is drawn when the program is compiled is the same in all samples. Users are warned of it.
         has_drawn = _generator_states() != states_before
     source = SceneSource(program, program_files, scenario, seed)
     source.has_drawn_early = has_drawn

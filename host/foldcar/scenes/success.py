@@ -132,10 +132,11 @@ def _approached_place(condition: ast.AST) -> ast.expr | None:
 
 
 def _is_target(place: ast.expr, things: dict[str, Any], has_goal: bool) -> bool:
-    """Return whether a place that an ending measures the distance to can be the car's target.
+    """Return whether a place can be the target of the car, at which a run has succeeded.
 
-    If the program has a Goal, only the Goal can be the target. Otherwise it can be any place but terrain and cars:
-    coordinates that are written in the program, a point or a Marker.
+    The program ends a run when the car is near ``place``, an expression. ``things`` are the program's variables by name.
+    If the program has a Goal, only the Goal can be the target. Otherwise the target can be coordinates that are written
+    in the program, a point or a Marker, but not terrain or a car.
     """
     root = place
     while isinstance(root, ast.Attribute):

@@ -110,15 +110,19 @@ class CarSimulator(Simulator):  # type: ignore[misc]
     def _has_passed(self, simulation: "CarSimulation") -> bool:
         """Return whether a run that the program ended has passed.
 
-        If the program records a verdict, its last value decides. Otherwise the condition that ended the run decides. The
-        car is upright, because carsim itself ends the run of a car that tips over.
+        If the program records a value under the name VERDICT, its last value decides. Otherwise the condition that ended
+        the run decides. The car is upright, because carsim itself ends the run of a car that tips over.
         """
-        verdict = simulation.recorded.get(VERDICT, {"kind": "initial"})
-        if verdict["kind"] == "final":
+        verdict = simulation.recorded.get(VERDICT)
+        if verdict is not None and verdict["kind"] == "final":
             return bool(verdict["value"])
-        if verdict["kind"] == "series":
+        if verdict is not None and verdict["kind"] == "series":
             # A series is a list of (time, value).
-            return bool(verdict["value"] and verdict["value"][-1][1])
+            series = verdict["value"]
+            if not series:
+                return False
+            _, last_value = series[-1]
+            return bool(last_value)
         return simulation.result.terminationReason in self._passing
 
 
@@ -295,9 +299,10 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             self._requirements.append(requirement)
 
     def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
-        """Return whether an agent can take these actions together. Scenic calls this at each look.
+        """Return whether an agent can take these actions together.
 
-        Raises InvalidScenarioError if one of them is not an action.
+        Scenic calls this at each of its time steps, before the agent takes the actions. Raises InvalidScenarioError
+        if one of them is not an action.
         """
         for action in actions:
             if not isinstance(action, Action):

@@ -208,9 +208,10 @@ class Effects:
         return self.rates(self.parameters)
 
     def _variance_over(self, parameter: int) -> NDArray[Any]:
-        """Return, for each draw, by how much the rate varies with one parameter while the others are fixed.
+        """Return how much the success rate varies with one design parameter while the others are fixed.
 
-        The result (draws,) is the variance over the parameter's values, averaged over the designs.
+        ``parameter`` is its index. The result is the variance of the rate over the parameter's values, averaged over the
+        designs. It is computed for each posterior draw of the model, and has the shape (draws,).
         """
         other_parameters = numpy.delete(self.parameters, parameter, axis=1)
         # The designs of a group differ in this parameter alone.

@@ -332,10 +332,11 @@ def _settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Set
 
 
 def _searched_settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Setting]:
-    """Search the setting of highest ``evidence``, and return all settings that were tried on the way.
+    """Search the setting of a Gaussian process with the highest ``evidence``. Return all settings that were tried.
 
-    The search changes one number at a time: the length of each parameter, then the strength. It ends when a round over
-    all numbers has changed nothing.
+    A setting has a correlation length for each of so many ``parameters`` of the designs, and the process's standard
+    deviation, its *strength*. The search changes one of these numbers at a time. It ends when a round over all numbers
+    has changed nothing.
     """
     best = Setting((LONG,) * parameters, STRENGTHS[0])
     # A dictionary keeps the order and has each setting once.

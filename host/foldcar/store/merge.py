@@ -306,18 +306,21 @@ class Merge:
         self._insert(EXPERIMENT, merged_row, "OR REPLACE")
 
     def _united_facts(self, row: Row, facts: dict[str, Any], existing_facts: dict[str, Any]) -> dict[str, Any]:
-        """Return the facts of an experiment that two stores have; ``row`` is its row in the store that is being added.
+        """Return the facts of an experiment that is in both stores: the store being added and the merged one.
 
-        Of the facts on runs in other realities, those of the store with more of these runs are kept. Raises StoreError if
-        the other facts differ.
+        Facts are values by name. ``facts`` and ``row`` are from the store being added, ``existing_facts`` from the merged
+        one. Both must be equal, except for the facts on runs in other realities. Of these, the facts of the store with
+        more such runs are returned. Raises StoreError if other facts differ.
         """
+        # This also removes them from the two dictionaries, which are compared then.
         reality_facts = _taken_reality_facts(facts)
         existing_reality_facts = _taken_reality_facts(existing_facts)
         for name in sorted(facts.keys() | existing_facts.keys()):
             if facts.get(name) != existing_facts.get(name):
                 self._raise_difference(EXPERIMENT, row, name, facts.get(name), existing_facts.get(name))
         has_more_runs = reality_facts.get("realities", 0) > existing_reality_facts.get("realities", 0)
-        return {**existing_facts, **(reality_facts if has_more_runs else existing_reality_facts)}
+        kept_reality_facts = reality_facts if has_more_runs else existing_reality_facts
+        return {**existing_facts, **kept_reality_facts}
 
     def _add_trial(self, path: Path, row: Row) -> None:
         """Add a trial with its log. If the merged store has a copy of the trial, with the same UUID, keep the newer one.

@@ -100,12 +100,16 @@ def _resampled(rows: Rows) -> Rows:
 
 
 def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
-    """Return pitch and roll of a built car with an IMU, or the reason why there is no path."""
+    """Return pitch and roll of a built car during a trial, or the reason why there is no path.
+
+    Only a car with an IMU sends them. ``messages`` are those of its log. ``start_s`` is when the trial began, in seconds
+    since the car booted. The path's times count from then.
+    """
     attitudes = []
     for message in messages:
         if message.get_type() != "ATTITUDE" or message.get_srcSystem() != CAR_SYSTEM:
             continue
-        # To milliseconds and milliradians, which suffice for a drawing.
+        # Milliseconds and milliradians suffice for a drawing.
         time_s = round(message.time_boot_ms / 1000 - start_s, 3)
         pitch_rad, roll_rad = round(message.pitch, 3), round(message.roll, 3)
         if time_s >= 0 and math.isfinite(pitch_rad) and math.isfinite(roll_rad):

@@ -262,10 +262,10 @@ class StoreWriter(StoreConnection):
             self._insert(SAMPLE, [row], "OR IGNORE")
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
-        """Store the variation of a sample: how its built cars differ from their designs.
+        """Store how the built car of a sample differs from its design: the ``variation`` that was drawn for the sample.
 
-        Equal variations with different ``identity`` are stored separately. If the variation of the sample is stored
-        already, nothing changes.
+        ``spread_id`` is the database's id of the distribution from which it was drawn. Equal variations are stored once,
+        unless their ``identity`` differs. If the sample's variation is stored already, nothing changes.
         """
         with self._transaction():
             row = {

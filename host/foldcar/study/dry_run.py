@@ -48,14 +48,15 @@ class SweepEstimate:
 
 
 def fold(family: Family, limit_s: float) -> tuple[Family, float]:
-    """Fold designs, spread over the family, until ``limit_s`` is over.
+    """Fold designs of the family until ``limit_s`` is over, and return them with the estimated time for folding all (s).
 
-    Returns the family of these designs, and the estimated time for folding all (s).
+    To fold a design is to compute its folded car, which shows whether it can be built. The designs are chosen so that
+    they are spread over the whole family. They are returned as a family, which knows the results.
     """
     started_s = time.perf_counter()
     members = []
     for position, values in family.spread_out():
-        # To find whether the design can be built, this folds it; the family keeps the answer.
+        # This folds the design to find whether it can be built. The family keeps the result.
         family.error(values)
         members.append((position, values))
         if time.perf_counter() - started_s > limit_s:

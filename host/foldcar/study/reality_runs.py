@@ -94,10 +94,15 @@ def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping
 
 
 def realities_fingerprint(experiment: Experiment) -> str:
-    """Return a hash of everything that decides in which reality each run of an experiment is simulated."""
+    """Return a hash of everything that determines in which reality each run of an experiment is simulated.
+
+    A *reality* is a set of random values of what the simulator does not know, such as friction. They are drawn from the
+    priors, which are probability distributions.
+    """
     priors = [[parameter.name, parameter.prior, parameter.middle, parameter.sd] for parameter in PARAMETERS]
     return hashed(
-        # The size of a group of runs, and how many of its first runs share one reality and one design.
+        # Runs are drawn in groups. These are the size of a group, and how many of its first runs share one reality and
+        # one design.
         BLOCK,
         CHECK,
         dict(experiment.variation),
@@ -148,10 +153,12 @@ class RealityRun:
 
 
 def missing_runs(store: ReadableStore, keys: RealityKeys, seed: int, samples: int, total: int) -> Iterator[RealityRun]:
-    """Yield the runs that the store lacks among the first ``total`` runs of an experiment in other realities.
+    """Yield those of an experiment's first ``total`` runs in other realities that are not in the store yet.
 
-    What the store has is read when the first run is requested. ``samples`` is the experiment's number of samples. A run
-    whose scene is not stored has the scene's id 0.
+    A *reality* is a set of random values of what the simulator does not know, such as friction. The runs are numbered
+    from 0. The ``seed`` and its number determine a run's reality, design and sample. ``samples`` is the experiment's
+    number of samples. A run whose scene is not stored has the scene's id 0. The store is read when the first run is
+    requested.
     """
     stored = stored_keys(store, keys)
     for start in range(0, total, DRAWN_RUNS):

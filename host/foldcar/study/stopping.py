@@ -123,8 +123,8 @@ class Schedule:
     def __init__(self, rule: StoppingRule, max_runs: int, stored_samples: Sequence[int]) -> None:
         """Begin the schedule of designs with at most ``max_runs`` runs each.
 
-        ``stored_samples`` has for each design the number of samples in which it may have stored runs. Stored runs always
-        count.
+        Runs that an earlier sweep has stored are not made again, and always count. ``stored_samples`` has for each design
+        the number of samples, from the first one, in which it may have such runs.
         """
         self._rule, self._max_runs = rule, max_runs
         self._stored_samples = numpy.asarray(stored_samples, int)
@@ -136,7 +136,7 @@ class Schedule:
         # Whether the rule has decided the design, and whether it gets no more runs.
         self.decided = numpy.zeros(designs, bool)
         self.closed = numpy.zeros(designs, bool)
-        # The end of the next batch. Designs with equal counts get equal batches.
+        # A design's number of runs after its next batch, which depends only on the counts of its runs so far.
         self._ends: dict[_Counts, int] = {}
 
     def runs_not_needed(self) -> int:

@@ -48,14 +48,15 @@ def merge_cars_log(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str
 
 
 def _with_crash(car: ConnectedCar, last_message: Any, end: DriveEnd) -> DriveEnd:
-    """Return ``end`` with the place where the firmware crashed, if it did while it drove and if the car knows where.
+    """Return how a drive ended, with the place in the firmware where it crashed if it crashed during the drive.
 
-    ``last_message`` is the last FOLDCAR_TRIAL in the car's log of the trial.
+    ``end`` is the end without this place. It is returned unchanged if the firmware did not crash, or if the car has not
+    stored the place. ``last_message`` is the last message about the trial in the car's log, a FOLDCAR_TRIAL.
     """
     log_has_end = last_message.end != car.dialect.FOLDCAR_END_NONE
     if log_has_end:
         return end
-    # The firmware may have crashed. It knows where, if the battery of the board has stayed on.
+    # The firmware may have crashed. It remembers where as long as the board keeps its power.
     crash = crash_line(car)
     if crash is None:
         return end

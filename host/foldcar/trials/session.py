@@ -114,6 +114,7 @@ class Session:
                 checked_car = self._after_error(error, checked_car)
                 continue
             if trial is None:
+                # The person has ended the session before the trial started.
                 return
             if trial.end.ending == CTRL_C:
                 raise KeyboardInterrupt

@@ -140,7 +140,11 @@ class _Pieces:
         return sheets
 
     def _tabs(self) -> list[Tab]:
-        """Return the tabs in the order of their seams."""
+        """Return the tabs of all pieces. A *tab* is a face that is glued along an edge of another face.
+
+        The two edges that a tab joins are its seam. The tabs are in the order of ``self.seams``.
+        """
+        # By the index of the piece from which their tabs grow.
         seams_of_piece: dict[int, list[Seam]] = defaultdict(list)
         for seam in self.seams:
             if seam.link.kind == "tab":

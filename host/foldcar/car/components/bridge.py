@@ -111,8 +111,8 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
 def _add_shelf_and_legs(shape: Shape, length: float, width: float, shelf_z: float) -> None:
     """Add the shelf of the bridge, and at its right and its left end a leg folded down and a foot folded outwards.
 
-    ``length`` is the shelf's size along the car and ``width`` its size across. ``shelf_z`` is the height of the shelf
-    above the floor, from the middle of one film to that of the other.
+    ``length`` is the shelf's size along the car and ``width`` its size across. All are faces of plastic film. ``shelf_z``
+    is the height of the shelf above the floor, measured between the middles of their thicknesses.
     """
     shape.rectangle("bridge.shelf", length, width, piece="bridge")
     for leg, shelf_edge in (("right", "near"), ("left", "far")):
@@ -127,8 +127,8 @@ def _add_flange(shape: Shape, width: float, shelf_z: float, shelf_edge: str) -> 
     """Add the flange that hangs down from the shelf, with a tongue in its middle that reaches through the floor.
 
     ``shelf_edge`` is the edge of the shelf from which it hangs, ``front`` or ``rear``, and ``width`` the length of this
-    edge. In the flange's frame, x runs along this edge and y points down. ``shelf_z`` is the height of the shelf above
-    the floor, from the middle of one film to that of the other.
+    edge. In the flange's frame, x runs along this edge and y points down. All are faces of plastic film. ``shelf_z`` is
+    the height of the shelf above the floor, measured between the middles of their thicknesses.
     """
     assembly, film = shape.parts.assembly, shape.parts.film_mm
     # The flange becomes narrower towards its lower edge, which ends just above the floor and between the bridge's feet.

@@ -26,11 +26,12 @@ class Seam(NamedTuple):
 
 
 def seams_of(graph: Graph, fused: dict[str, Fused], fused_path: dict[str, str]) -> Iterator[Seam]:
-    """Yield one seam for each pair of edges of fused faces that are joined to each other.
+    """Yield the seams between fused faces. A *seam* is a pair of edges that are joined, by a fold or by a tab.
 
     A *fused face* is made of components' faces that are rigidly linked. ``fused`` has the fused faces by path, and
-    ``fused_path`` has, for each component's face, the path of the fused face that contains it. Links of the graph that
-    join the same two edges make one seam. Raises ComponentError if the lengths of the two edges do not match.
+    ``fused_path`` has, for each component's face, the path of the fused face that contains it. If several links of the
+    graph join the same two edges, only the first one makes a seam. Raises ComponentError if the lengths of the two edges
+    do not match.
     """
 
     def fused_edge(edge: Edge) -> Edge:
@@ -52,8 +53,8 @@ def seams_of(graph: Graph, fused: dict[str, Fused], fused_path: dict[str, str]) 
             continue
         yielded.add((edge_a, edge_b))
         length_a_mm, length_b_mm = length_mm(edge_a), length_mm(edge_b)
-        # A tab grows from edge b and is glued along edge a, of which it leaves the inset free at both ends. Other links
-        # have no inset, so their edges are equally long.
+        # A tab is folded from edge b and glued to edge a, which is longer than the tab by the inset at both ends. Other
+        # links have an inset of 0, so their edges are equally long.
         expected_a_mm = length_b_mm + 2 * link.inset_mm
         if abs(length_a_mm - expected_a_mm) > LENGTH_TOLERANCE_MM:
             message = f"meets {link.b.face} in edges of {length_a_mm:g} and {length_b_mm:g} mm once they are fused"

@@ -82,8 +82,10 @@ class Wheel(Component):
         shape.begin_at("inner", inner_pose)
 
     def _cut_holes(self, shape: Shape, size: WheelSize) -> None:
-        """Cut the holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer
-        disc.
+        """Cut the holes of the wheel, which is screwed to the servo's horn.
+
+        The inner disc and the hub get slots for the horn's screws and a hole around the axle. The outer disc gets an
+        opening through which a screwdriver reaches the screws.
         """
         assembly, horn = self.parts.assembly, self.parts.horn
         tolerance = horn.wheel_screws.tolerance

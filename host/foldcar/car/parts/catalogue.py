@@ -90,13 +90,17 @@ DEFAULT_CHOICES = PartChoices()
 
 
 def split_type(type_string: str) -> tuple[str, PartChoices]:
-    """Split a type string into modules (``W_B_W``) and parts. Raises PartError for unknown parts."""
-    modules, *choices = type_string.split("+")
+    """Split a vehicle's type, such as ``W_B_W+tyre=none``, into the letters of its modules and its choice of parts.
+
+    In the example these are ``W_B_W`` and no tyre. For kinds of parts that the type does not name, the choice has the
+    default part. Raises PartError if a part or a kind is unknown, or if a kind is named twice.
+    """
+    modules, *part_texts = type_string.split("+")
     names: dict[str, str] = {}
-    for choice in choices:
-        kind, equals, name = choice.partition("=")
+    for part_text in part_texts:
+        kind, equals, name = part_text.partition("=")
         if not equals or kind in names:
-            raise PartError(None, f'"{type_string}": "+{choice}" must be +KIND=NAME of a part, as in W_B_W+tyre=none')
+            raise PartError(None, f'"{type_string}": "+{part_text}" must be +KIND=NAME of a part, as in W_B_W+tyre=none')
         names[kind] = name
     try:
         return modules, DEFAULT_CHOICES.changed(names)

@@ -141,9 +141,11 @@ def _faces_that_may_overlap(roles: Roles, scene: CarSolids) -> Ignored:
 
 
 def _check_segments_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterator[Finding]:
-    """Yield findings where film of two segments collides when the hinge between them is at one of its limits.
+    """Yield a finding for each face that collides with another segment when a hinge is turned to one of its limits.
 
-    All other hinges are flat. Hinge strips bend at the limits, so they are not checked.
+    A segment is a rigid part of the car, and a hinge connects two of them. The faces are made of plastic film. One hinge
+    is turned at a time, and all others are flat. The strips of film that are the hinges themselves bend at the limits, so
+    they are not checked. ``stage`` says which folds are closed.
     """
     strips = {piece.name for piece in roles.car.pieces if any(crease.flexure for crease in piece.creases)}
     for hinge in roles.car.hinges:

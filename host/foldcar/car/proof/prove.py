@@ -123,13 +123,14 @@ class _Prover:
         return replace(added, way_mm=moves)
 
     def check_lead_order(self, planned_steps: Sequence[AssemblyStep]) -> None:
-        """Add a finding if the leads of a battery on the lid are soldered before they pass through the lid.
+        """Add a finding if the leads of a battery on the lid are soldered too early: before they pass a hole of the lid.
 
-        The leads are soldered to the switch and to wires, so these must be added after the battery.
+        The leads are soldered to the switch and to wires. So these must be added in a later step than the battery, or in
+        the same step.
         """
         parts = self.car.parts
         soldered_parts = (parts.switch.name, parts.wiring.name)
-        is_soldered = {mount.name: mount.part in soldered_parts for mount in self.car.mounts}
+        soldered_names = [mount.name for mount in self.car.mounts if mount.part in soldered_parts]
         # The names of the soldered parts that were added in earlier steps.
         soldered_so_far: set[str] = set()
         for number, step in enumerate(planned_steps, 1):
@@ -137,10 +138,10 @@ class _Prover:
                 mount = self.roles.mounts.get(added.name)
                 is_battery = mount is not None and mount.part == parts.battery.name and self.roles.is_on_lid(mount)
                 if is_battery and soldered_so_far:
-                    first = next(name for name in is_soldered if name in soldered_so_far)
+                    first = next(name for name in soldered_names if name in soldered_so_far)
                     message = f"leads of {added.name} must pass the lid, but are joined to {first} already"
                     self._add_finding(f"step {number}, {step.title}", message)
-            soldered_so_far.update(added.name for added in step.adds if is_soldered.get(added.name))
+            soldered_so_far.update(added.name for added in step.adds if added.name in soldered_names)
 
     def prove_service(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Carry out one step of service on the finished car, and return it with the paths of its parts.

@@ -118,7 +118,11 @@ class CarSolids:
     """The solids of one car. Without ``tongues``, a tongue is cut off where it is inside its slot."""
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
-        """Prepare the solids. With ``tongues``, all tongues are complete, also inside their slots."""
+        """Prepare to compute the solids of a car's parts.
+
+        A tongue of a piece goes through a slot of another piece, and would overlap it. So the ends of tongues are cut
+        off, unless ``tongues`` is True.
+        """
         self.roles = roles
         # The solids of pieces and mounts, and the poses for which they were computed last.
         self._latest: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
@@ -149,9 +153,11 @@ class CarSolids:
         return list(join_of_cut.values())
 
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
-        """Return the solids of a copy of a piece, or of a mount; none for loose wires.
+        """Return the solids that a part fills at a stage of the assembly, in the car's frame.
 
-        As long as a part has not moved, its last result is used again.
+        ``key`` names one of the equal copies of a folded piece, or a mount, which is a bought part. The result is empty
+        for the wiring, whose wires are loose.
+        As long as a part has not moved since the last call, that call's result is used again.
         """
         poses = stage.poses(key)
         if key in self._latest:

@@ -284,12 +284,15 @@ def _arrow_label(text: str, points: Vector, size: float, colour: str) -> str:
     The text stands beside the start of the arrow, on the side that is away from the tip.
     """
     u, v = points[0]
+    # From the tip to the start.
     right, up = points[0] - points[-1]
-    # The text ends at the arrow if the arrow comes mainly from the left.
+    # If the arrow comes mainly from the left, its text is at the left of its start, and ends there.
     comes_from_left = right < -abs(up) / 2
     anchor = "end" if comes_from_left else "start"
-    # In heights of the text, down from the start of the arrow.
-    line_shift = ABOVE_START if up > 0 else BELOW_START
+    # How far the text's base line is below the start of the arrow, in units of the font size. In SVG, dy is positive
+    # downwards.
+    points_down = up > 0
+    line_shift = ABOVE_START if points_down else BELOW_START
     return (
         f'<text x="{u:.2f}" y="{-v:.2f}" dy="{line_shift:g}em" font-size="{size * TEXT:.2f}" '
         f'fill="{colour}" text-anchor="{anchor}" stroke="#ffffff" stroke-width="{size * TEXT_EDGE:.2f}" '

@@ -77,10 +77,11 @@ def film_shape(
     tabs: bool = True,
     creases: bool = True,
 ) -> PictureContent:
-    """Return what is drawn of one copy of a piece of film, whose root face is at ``pose``.
+    """Return the facets and lines that are drawn of a piece of film, the plastic sheet of which the car is folded.
 
-    Its folds are closed by ``fraction``: 0 is flat, 1 is folded. The key of a facet is ``prefix`` and the name of its
-    face. If ``creases`` is True, folds are drawn as folds, otherwise as edges. If ``tabs`` is False, tabs are left out.
+    ``pose`` is the pose of the piece's root face, from which its other faces are folded by ``fraction``: 0 is flat, 1 is
+    folded. The key of a facet is ``prefix`` and the name of its face. If ``creases`` is True, folds are drawn as folds,
+    otherwise as edges. If ``tabs`` is False, tabs are left out.
     """
     poses = {name: pose @ local_pose for name, local_pose in face_poses(piece, fraction).items()}
     facets, lines = [], []
@@ -99,6 +100,7 @@ def film_shape(
         for index, ends in enumerate(_edges(outline)):
             style = folds.get((face.name, index), CUT)
             if style.kind is not None:
+                # A fold is visible if the face on one of its sides is.
                 keys = (key,) if style.other_face is None else (key, prefix + style.other_face)
                 lines.append(EdgeLine(keys, ends, style.kind if creases else "cut"))
         for hole in holes:

@@ -104,11 +104,12 @@ def cutting_step(cut: CutCar, machine: str) -> Step:
         shape = film_shape(piece, np.eye(4), fraction=0.0)
         points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
         across, along, _ = np.ptp(points, axis=0)
-        # A piece that is long along y is turned to lie across the picture.
+        # A piece that is UPRIGHT times as long along y as along x is turned to lie across the picture.
         view = ABOVE_TURNED if along > UPRIGHT * across else ABOVE
         marks = join_marks(cut.car, piece, np.eye(4), fraction=0.0)
         caption = piece.label + (f", {piece.count} times" if piece.count > 1 else "")
         pictures.append(Drawing(shape, view, piece.label, marks, enlarged=2.0, caption=caption))
+    # The pieces that are not folded at creases but wound into rings.
     wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]
     program, files = MACHINES[machine].program, MACHINES[machine].files
     lines = (

@@ -88,10 +88,10 @@ def step_pictures(step: AssemblyStep, state: AssemblyState, title: str) -> tuple
 
 
 def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
-    """Return the pictures of the finished car in service.
+    """Return the pictures on how to open the finished car and reach the parts inside, to service it.
 
-    The first one shows how its lids are opened, if it has any. The second one shows the car with open lids, and what
-    plugs, fingers and screwdrivers reach then.
+    If the car has lids, the first picture shows how they are opened. The last one shows the car with open lids, and what
+    plugs, fingers and screwdrivers reach then. Wheels, screws and spacers are not drawn.
     """
     state = AssemblyState(car)
     for step in assembly_steps(car):
@@ -101,6 +101,7 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     folds_of_lids = [step.folds for step in service_steps(car) if step.folds]
     pictures: list[Drawing] = []
     if folds_of_lids:
+        # Parts that are fixed to a lid would hide it.
         without_parts_on_lids = [
             part for part in parts if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))
         ]
@@ -142,17 +143,21 @@ def _tool_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
 
 
 def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
-    """Return arrows that show how lids are opened: levers are pushed outwards, and lids are lifted by their pull tabs."""
+    """Return arrows that show how lids are opened: the levers of latches are pushed outwards, pull tabs are lifted."""
     arrows: list[Arrow] = []
     for name, lid in sorted(roles_of(car).lids.items()):
         copy = next(copy for copy in car.placed if copy.piece == name)
         poses = face_poses(state.pieces[name], state.fold_fractions.get(name, {}))
+        # Fingers push or pull these faces.
         for face in lid.gripped:
             pose = state.pose(copy) @ poses[face.name]
-            kinds = [clearance.tool for clearance in face.clearances]
+            # The tongue of a latch requires free space for itself, because its lever draws it out of its slot.
+            is_latch_tongue = any(clearance.tool == "tongue" for clearance in face.clearances)
+            # The points of the arrow are in the frame of the face.
             middle = max(x for x, _ in face.outline_mm) / 2
-            if "tongue" in kinds:
-                # The face has a lever, which stands on the lid. In its frame z points down, to the printed side.
+            if is_latch_tongue:
+                # The lever is above the tongue and stands out of the lid. In the tongue's frame, y points outwards and z
+                # down.
                 height_mm = car.parts.assembly.flap_mm.value + car.parts.assembly.grip_mm.value * LEVER_AT
                 lever_z_mm = -height_mm
                 points_mm = [(middle, -PUSH_MM, lever_z_mm), (middle, 0.0, lever_z_mm)]

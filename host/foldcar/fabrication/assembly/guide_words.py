@@ -180,7 +180,11 @@ def _away_from_boards(state: AssemblyState) -> str:
 
 
 def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
-    """Yield what is done to parts before they go in."""
+    """Yield instructions for preparing the parts that a step adds, before they are put in.
+
+    ``state`` is the state of the car before the step.
+    """
+    # The names of the bought parts among them.
     added_parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     if state.car.parts.servo.name in added_parts:
         axles = sorted((axle for axle in state.car.axles if axle.driven), key=lambda axle: axle.channel)

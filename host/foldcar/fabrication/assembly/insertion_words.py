@@ -294,14 +294,22 @@ class _InsertionWords:
         into a unit, such as a wheel, these are the outer and the inner side of the unit.
         """
         # y of the part's wheel, or of the part itself.
+        y_mm = 0.0
         axle = next((axle for axle in self.state.car.axles if axle.wheel == added.body), None)
-        mount_y_mm = self.state.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
-        y_mm = axle.center_mm[1] if axle else mount_y_mm
+        if axle is not None:
+            y_mm = axle.center_mm[1]
+        elif added.kind == "mount":
+            # The last column of a pose is the position.
+            _, y_row, *_ = self.state.mounts[added.name].pose
+            y_mm = y_row[3]
+        is_in_middle = abs(y_mm) < MIDDLE_MM
         sides = []
         for move in moves:
+            # The axis along which the part mainly moves.
             axis = int(np.argmax(np.abs(move)))
+            moves_sideways = axis == 1
             comes_from_outside = move[1] * y_mm < 0
-            if axis != 1 or abs(y_mm) < MIDDLE_MM:
+            if is_in_middle or not moves_sideways:
                 # A part that moves backwards comes from the front, and so on.
                 side_if_negative, side_if_positive = SIDES[axis]
                 sides.append(side_if_negative if move[axis] < 0 else side_if_positive)

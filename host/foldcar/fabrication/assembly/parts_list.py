@@ -206,6 +206,7 @@ def _with_wire(folded: FoldedCar, row: Row) -> Row:
     wiring, car_leads = folded.parts.wiring, leads(folded)
     extra_cost_usd = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
     gauge = supply(folded).gauge
+    # The optional wire to #OE, the input that enables the servo driver's outputs, is thinner than the others.
     thin_mm = sum(wire_length_mm(lead) for lead in car_leads if lead.end.endswith("#OE"))
     length_mm = sum(wire_length_mm(lead) for lead in car_leads if lead.kind != "plug") - thin_mm
     wire_text = f"{length_mm} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"

@@ -128,12 +128,14 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
 
 
 def _tongue() -> CouponPiece:
-    """Return the coupon's piece with a tongue, which you push into the slots to choose their clearance.
+    """Return the test piece with a tongue. You push it into the slots of another test piece to choose their clearance.
 
-    The tongue stands in the middle of a back that is three times as wide. A slot is as long as the tongue is wide, plus
-    the slot's clearance.
+    Both are parts of the *coupon*, a sheet that is cut before the car. The tongue stands on the middle of a rectangular
+    back that is three times as wide. A slot is as long as the tongue is wide, plus the slot's clearance.
     """
-    width, left, right, top = 3 * TONGUE_MM, TONGUE_MM, 2 * TONGUE_MM, BACK_MM + TONGUE_LENGTH_MM
+    width = 3 * TONGUE_MM
+    left, right = TONGUE_MM, 2 * TONGUE_MM
+    top = BACK_MM + TONGUE_LENGTH_MM
     back = [(0, 0), (width, 0), (width, BACK_MM)]
     tongue = [(right, BACK_MM), (right, top), (left, top), (left, BACK_MM)]
     outline = Polygon([*back, *tongue, (0, BACK_MM)])

@@ -146,17 +146,20 @@ def flat_piece(piece: Piece, options: Options) -> FlatPiece:
 
 
 def bend_deduction_mm(angle_rad: float, thickness_mm: float, options: Options) -> float:
-    """Bend deduction (mm): the length that a bend saves compared with a sharp corner of the middle surfaces.
+    """Return the bend deduction (mm): by how much a bend's flat length is shorter than that of a sharp corner.
 
-    It is the two setbacks 2 (r + t/2) tan(a/2) minus the neutral line's arc a (r + k t), with inner radius r, thickness
-    t and k-factor k; 0 where faces fold onto each other.
+    Of a bend by the angle a, the inner radius is r, the thickness t and the k-factor k. The sharp corner is that of the
+    middle surfaces. The two setbacks, from this corner to the ends of the bend, have the length 2 (r + t/2) tan(a/2). The
+    arc of the neutral line has the length a (r + k t). The deduction is the difference. It is 0 if faces are folded onto
+    each other, by more than MAX_BEND_RAD.
     """
     angle = abs(angle_rad)
     if angle > MAX_BEND_RAD:
         return 0.0
     radius = options.bend_radius_mm
     setbacks = 2 * (radius + thickness_mm / 2) * math.tan(angle / 2)
-    return setbacks - angle * (radius + options.k_factor * thickness_mm)
+    neutral_arc = angle * (radius + options.k_factor * thickness_mm)
+    return setbacks - neutral_arc
 
 
 def _saved_mm(crease: Crease, thickness_mm: float, options: Options) -> float:

@@ -183,17 +183,20 @@ def _text_angle(line_rad: float, turn_rad: float) -> float:
 def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
     """Yield places for a number beside the edges of a mark, the preferred ones first.
 
-    ``turn`` is the angle (rad) by which the piece is turned on its sheet.
+    They are at several fractions of an edge's length and at several depths inside the piece. ``turn`` is the angle (rad)
+    by which the piece is turned on its sheet.
     """
-    for (ax, ay), (bx, by) in mark.edges:
-        length = math.hypot(bx - ax, by - ay)
-        inward = (-(by - ay) / length, (bx - ax) / length)
-        angle = _text_angle(math.atan2(by - ay, bx - ax), turn)
+    for (start_x, start_y), (end_x, end_y) in mark.edges:
+        along_x, along_y = end_x - start_x, end_y - start_y
+        length = math.hypot(along_x, along_y)
+        # The inside of the piece is on the left of the edge.
+        inward_x, inward_y = -along_y / length, along_x / length
+        angle = _text_angle(math.atan2(along_y, along_x), turn)
         for depth_mm in DEPTHS_MM:
             for fraction in FRACTIONS:
-                x = ax + fraction * (bx - ax) + depth_mm * inward[0]
-                y = ay + fraction * (by - ay) + depth_mm * inward[1]
-                yield _Place((x, y), angle, inward)
+                x = start_x + fraction * along_x + depth_mm * inward_x
+                y = start_y + fraction * along_y + depth_mm * inward_y
+                yield _Place((x, y), angle, inward=(inward_x, inward_y))
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:

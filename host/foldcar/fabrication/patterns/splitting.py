@@ -24,9 +24,11 @@ NOTCH_MM = 1.0
 
 
 def split_to_fit(car: FoldedCar, options: Options) -> FoldedCar:
-    """Return the car with each piece split that is too large for a sheet.
+    """Return the car with each piece split into parts that is too large for a sheet.
 
-    Only ``pieces`` and ``joins`` of the car change. Its ``placed`` pieces keep the names of the whole pieces.
+    A join is a place where two edges are glued or locked to each other. The parts of a split piece get new joins, and its
+    old joins name the part instead of the piece. Nothing else of the car changes: the piece keeps its name in
+    ``car.placed``, the list of the pieces with their places in the car.
     """
     pieces: list[Piece] = []
     joins = list(car.joins)

@@ -71,19 +71,19 @@ class Obstacle:
         return [nearest, next_corner if length_to_next_m > length_to_previous_m else previous_corner]
 
     def _near_points_of_disc_m(self) -> list[tuple[float, float]]:
-        """Return the point of a round obstacle that is nearest to the mark on the floor, the origin.
+        """Return the point of a round obstacle's edge that is nearest to the mark on the floor, the origin.
 
-        If the mark is inside the obstacle, the point is as far from the mark as the edge is, but in the direction of the
-        obstacle's middle. The list is empty if the mark is in the middle or on the edge.
+        The list is empty if the mark is in the middle of the obstacle, or on its edge.
         """
         distance_m = math.hypot(self.x_m, self.y_m)
-        if not distance_m:
-            return []
-        # Seen from outside, the nearest point is on the line from the mark to the middle, one radius before the middle.
-        # ``fraction`` says how far along this line it is.
         radius_m = self.length_m / 2
-        fraction = abs(1 - radius_m / distance_m)
-        return [(fraction * self.x_m, fraction * self.y_m)] if fraction else []
+        if not distance_m or distance_m == radius_m:
+            return []
+        # The point is on the line through the mark and the middle, one radius from the middle towards the mark.
+        # ``fraction`` says how far it is along the way from the mark to the middle. If the mark is inside the obstacle, it
+        # is negative: the point lies on the other side of the mark.
+        fraction = 1 - radius_m / distance_m
+        return [(fraction * self.x_m, fraction * self.y_m)]
 
 
 class PlacedObject(NamedTuple):

@@ -87,6 +87,18 @@ def test_a_tape_finds_the_edge_that_is_nearest_to_the_mark() -> None:
         assert [abs(end) for end in ends] == pytest.approx([float(far) for far in distances.split(" and ")], abs=1.3)
 
 
+@pytest.mark.parametrize("middle", [0.5 + 0.2j, 0.1 - 0.05j, -0.02 + 0.19j])
+def test_the_near_point_of_a_round_obstacle_is_the_nearest_of_its_edge(middle: complex) -> None:
+    """The mark may lie inside the obstacle, as in a hole or on a hill."""
+    piece = {"kind": "pothole", "x_m": middle.real, "y_m": middle.imag, "radius_m": 0.2, "depth_m": 0.02, "edge_m": 0.01}
+    (thing,) = things_of([piece]).values()
+
+    (near,) = thing.near_edge_m([piece])
+
+    edge = middle + 0.2 * numpy.exp(1j * numpy.linspace(0, 2 * math.pi, 100_001))
+    assert complex(*near) == pytest.approx(edge[abs(edge).argmin()], abs=1e-4)
+
+
 def test_the_instructions_fit_into_80_columns(
     sampled: tuple[dict[str, Any], dict[str, Obstacle]], capsys: pytest.CaptureFixture[str]
 ) -> None:

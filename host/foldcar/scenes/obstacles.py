@@ -80,8 +80,8 @@ class Obstacle:
         if not distance_m or distance_m == radius_m:
             return []
         # The point is on the line through the mark and the middle, one radius from the middle towards the mark.
-        # ``fraction`` says how far it is along the way from the mark to the middle. If the mark is inside the obstacle, it
-        # is negative: the point lies on the other side of the mark.
+        # ``fraction`` says how far it is along the way from the mark to the middle. It is negative if the mark is inside
+        # the obstacle: the point then lies on the other side of the mark.
         fraction = 1 - radius_m / distance_m
         return [(fraction * self.x_m, fraction * self.y_m)]
 

@@ -107,7 +107,11 @@ def importance_rows(effects: Effects, indices: Sequence[int]) -> list[ParameterI
 
 
 def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[Cause]:
-    """Return a row for each value that separates passed from failed runs, the best first, with success over it."""
+    """Return a row for each random value by which passed and failed runs of a design differ, the clearest first.
+
+    ``separation`` says how clearly, with its interval. ``bins`` divide the range of the value, and have the numbers of
+    runs and of passed runs in each part. There are no rows if the experiment has no rule for success.
+    """
     if not evidence.info.success_defined:
         return []
     runs = evidence.runs.counted

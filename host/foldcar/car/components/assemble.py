@@ -114,15 +114,16 @@ class _Pieces:
         self.tabs = self._tabs()
 
     def _sheets(self) -> list[dict[str, Pose]]:
-        """Return the fused faces of each piece, with their poses in the frame of the first one.
+        """Return the faces of each piece by their paths, with their poses in the frame of the piece's first face.
 
-        Raises ComponentError for a loop of folds.
+        The faces that folds connect are one piece, which can be cut from a flat sheet. Raises ComponentError if folds
+        connect faces in a loop, which a flat sheet cannot have.
         """
-        # The neighbours of each fused face over folds, with their poses in its frame.
+        # For each face: the faces beyond its folds, with their poses in its frame.
         neighbours: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
-        for seam in self.folds:
-            for edge, opposite in ((seam.a, seam.b), (seam.b, seam.a)):
-                pose = across_crease(self._ends(edge), self._ends(opposite), seam.link.angle_rad)
+        for fold in self.folds:
+            for edge, opposite in ((fold.a, fold.b), (fold.b, fold.a)):
+                pose = across_crease(self._ends(edge), self._ends(opposite), fold.link.angle_rad)
                 neighbours[edge.face].append((opposite.face, pose))
         sheets: list[dict[str, Pose]] = []
         reached: set[str] = set()
@@ -130,8 +131,8 @@ class _Pieces:
             if path in reached:
                 continue
             sheet = propagate_poses(path, IDENTITY, neighbours)
-            fold_count = sum(seam.a.face in sheet for seam in self.folds)
-            # A tree of folds has one fold fewer than faces.
+            fold_count = sum(fold.a.face in sheet for fold in self.folds)
+            # Without a loop, there is one fold fewer than faces.
             if fold_count >= len(sheet):
                 message = f"is in a loop of {fold_count} folds, which no flat sheet has; make one of them a tab"
                 raise ComponentError(path, message)

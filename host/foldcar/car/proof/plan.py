@@ -136,19 +136,20 @@ class Building:
 def plan_assembly(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     """Return the steps in which a car is assembled, in order.
 
-    Their parts have no insertion paths yet; the proof (prove.py) adds these.
+    The steps do not say yet on which paths their parts are put in; the proof (prove.py) adds these paths.
     """
     roles = roles_of(car)
     building = Building(roles)
     _plan_segments(roles, building)
     _plan_inside(roles, building)
-    # The lids are shut last. But wheels would be in the way of a battery on an open lid, so they come after such a lid.
-    shuts_lids_before_wheels = any(roles.is_on_lid(mount) for mount in car.mounts)
-    if shuts_lids_before_wheels:
+    # In general the lids are shut last. But if a lid carries a part, such as a battery, it is shut before the wheels are
+    # added: while it is open, this part would meet the wheels.
+    a_lid_carries_a_part = any(roles.is_on_lid(mount) for mount in car.mounts)
+    if a_lid_carries_a_part:
         _plan_shutting(roles, building)
     for unit, wheels in roles.wheel_units.items():
         _plan_wheels(roles, building, unit, wheels)
-    if not shuts_lids_before_wheels:
+    if not a_lid_carries_a_part:
         _plan_shutting(roles, building)
     return tuple(building.steps)
 

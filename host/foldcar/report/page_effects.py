@@ -55,7 +55,10 @@ def _fit(evidence: Evidence, names: Sequence[str]) -> Effects | None:
 def effect_rows(effects: Effects, parameters: list[int]) -> list[ParameterEffect]:
     """Return a row for each parameter of the model: how the success rate changes with it.
 
-    ``parameters`` are the indices of the model's parameters among all parameters of the family.
+    ``grid`` are values of the parameter, and ``mean`` is the success rate at each, averaged over combinations of the
+    other parameters. ``curves`` are the rates of single combinations, and ``over`` says in words which combinations
+    there are. ``low`` and ``high`` are a band for the shape of the mean curve, and ``level`` is an interval for its
+    average height. ``parameters`` are the indices of the model's parameters among all parameters of the family.
     """
     rows: list[ParameterEffect] = []
     for index, parameter in enumerate(parameters):

@@ -141,7 +141,10 @@ class ExperimentEnvironment:
 
     @contextlib.contextmanager
     def runner(self, carsim: Carsim, dynamic: bool) -> Iterator[Runner]:
-        """Yield the runner of this environment: carsim, or for a dynamic program Scenic beside carsim."""
+        """Yield what simulates runs in this environment: carsim or, if the program is dynamic, Scenic beside carsim.
+
+        A dynamic program has parts that only Scenic can evaluate during a run.
+        """
         if not dynamic:
             yield carsim
             return

@@ -259,7 +259,12 @@ class Session:
         return DrivenTrial(trial_number, sample, log, stored, end)
 
     def _next_sample(self, writer: TrialWriter, checked_car: CheckedCar) -> int:
-        """Return the sample to drive: the one that the options name, the one to drive again, or else the next one."""
+        """Return the number of the sample, one of the experiment's scenes, that the next trial is driven in.
+
+        It is the sample of the option ``--sample`` or, without this option, the sample of a trial that must be repeated.
+        Otherwise it is chosen by the numbers of trials that the design already has in each sample, and so that few
+        obstacles have to be moved.
+        """
         if self._options.sample is not None:
             return self._options.sample
         if self._again is not None:

@@ -257,7 +257,11 @@ class _Pieces:
     def _neighbours_of_pieces(self) -> dict[int, list[tuple[int, Pose]]]:
         """Return the neighbours of each piece with their poses in its frame. Pieces are known by their indices.
 
-        Two pieces are neighbours if a placement or a tab says how they lie relative to each other.
+        Two pieces are neighbours if a placement or a tab says how they lie relative to each other. A *placement* is a
+        given pose of a face on another one. A *tab* is a flap of one piece that is glued to the other piece.
+
+        A piece consists of fused faces, and a fused face of the faces of one or several components. Each of them has a
+        pose in what it is a part of. The poses are combined to the pose of a piece in the frame of the other.
         """
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
@@ -274,12 +278,14 @@ class _Pieces:
             host_in_fused = self.fused[fused_host].poses[placement.on]
             face_in_fused = self.fused[fused_face].poses[placement.face]
             add_neighbours(fused_host, fused_face, compose(host_in_fused, placement.pose, inverse(face_in_fused)))
+        # A seam is where edge a of a face and edge b of another one meet.
         for seam in self.seams:
-            if seam.link.kind == "tab" and self.piece_of[seam.a.face] != self.piece_of[seam.b.face]:
-                across = across_crease(self._ends(seam.a), self._ends(seam.b), seam.link.angle_rad)
-                # The tab lies this much above the face of edge a. So edge b, from which the tab grows, does too.
+            connects_pieces = self.piece_of[seam.a.face] != self.piece_of[seam.b.face]
+            if seam.link.kind == "tab" and connects_pieces:
+                b_if_edges_meet = across_crease(self._ends(seam.a), self._ends(seam.b), seam.link.angle_rad)
+                # But the tab, which grows from edge b, lies this much above the face of edge a. So face b does too.
                 above = translation(0, 0, seam.link.inset_mm)
-                add_neighbours(seam.a.face, seam.b.face, compose(above, across))
+                add_neighbours(seam.a.face, seam.b.face, compose(above, b_if_edges_meet))
         return neighbours
 
     def joins(self) -> Iterator[IndexedJoin]:

@@ -338,10 +338,11 @@ def _mounts_on_axles(car: FoldedCar, unit: str, part: str) -> list[Mount]:
 
 @lru_cache(maxsize=16)
 def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """Return the steps of service: first those with the lid shut, then the one that opens it, then those with the
-    lid open.
+    """Return the steps of service, in which a user uses tools on a finished car and takes its battery out.
 
-    ``adds`` of a step are the parts that are taken out of the car. Their paths are not computed yet.
+    The first steps are those with the lid shut. Then comes the one that opens the lid, and then those with the lid open.
+    In steps of assembly, the field ``adds`` has the parts that are put in. In these steps, it has the parts that are
+    taken out. On which path they come out is not computed yet.
     """
     roles = roles_of(car)
     with_lid_shut: list[AssemblyStep] = []

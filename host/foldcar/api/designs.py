@@ -55,7 +55,8 @@ def _parameter_keys(type_string: str, names: Iterable[str]) -> dict[str, str]:
     """Return the keys of the parameters that a car of this type has, by their column in foldcar's tables.
 
     A car has the parameters of its kinds of modules, such as ``W.length`` of all modules W. Besides, a parameter may be
-    set for a single module, such as ``W2.length``. The result has those of the modules with which ``names`` begin.
+    set for a single module, such as ``W2.length``, whose column is ``W2_length``. ``names`` are columns. If one of them
+    is of a single module, the result also has all parameters of this module.
     """
     kinds_of_modules = set(modules_of(type_string))
     key_by_column = {}

@@ -237,10 +237,18 @@ class Answers:
         """The driven designs whose number of passed trials is improbable, judged by the trials of all other designs."""
         if len(self.trials.driven) < 2:
             return []
-        by_trials = sorted(self.trials.driven.tolist(), key=lambda design: -self.trials.counts_of(design)[1])
+
+        def trial_count(design: int) -> int:
+            """Return the number of trials of a design."""
+            _, counted = self.trials.counts_of(design)
+            return int(counted)
+
+        # Only the designs with the most trials are judged.
+        most_trials_first = sorted(self.trials.driven.tolist(), key=trial_count, reverse=True)
         surprises = []
-        for design in sorted(by_trials[:MAX_COMPARED]):
+        for design in sorted(most_trials_first[:MAX_COMPARED]):
             passed, counted = self.trials.counts_of(design)
+            # Random numbers of passed trials, as the trials of the other designs make them probable.
             expected_passed = self._passed_by_other_designs(design)
             # The probabilities of so few passed trials, and of so many.
             chance_of_so_few = (expected_passed <= passed).mean()

@@ -337,6 +337,7 @@ def _complete_values(
 def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, parameter_keys: Iterable[str]) -> str:
     """Return the message for a key that sets no parameter of the car, such as ``W3.radius`` of a car with two W."""
     module_name, _, parameter_name = key.partition(".")
+    # A single module is named by its letter and its number among the modules with this letter, as in W3.
     place = PLACE.fullmatch(module_name)
     if place is not None and place[1] in letters:
         letter, number = place[1], int(place[2])

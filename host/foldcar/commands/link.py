@@ -91,11 +91,11 @@ def link(
 def _scene_and_reality(
     run: ListedRun, sample: int, values: Mapping[str, float] | None, car: str | None
 ) -> tuple[Any, Any]:
-    """Return the scene of a sample, and the reality: how car and ground differ from design and scene.
+    """Return the scene of a sample, and how the real car and ground differ from the design and the scene.
 
-    The scene has the id that `foldcar log` expects. ``values`` are the parameters of a reality file, or None if none was
-    given. ``car`` is the name of a built car, which is the same in all samples. If it is None, each sample has another
-    car of the design.
+    These differences are called the reality. The scene has the id that `foldcar log` expects. ``values`` are the
+    parameters of a reality file, or None if none was given. ``car`` is the name of a built car, which is the same in all
+    samples. If it is None, each sample has another car of the design.
     """
     from foldcar.belief.reality import drawn_reality
     from foldcar.car.variation import named_car

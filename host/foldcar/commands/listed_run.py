@@ -138,9 +138,10 @@ class RunInput:
         return answer
 
     def path(self, carsim: "Carsim", answer: Mapping[str, Any], label: object) -> list[list[float]]:
-        """Simulate the run again and return the rows of its path, up to the time at which ``answer`` ended.
+        """Simulate the run again, this time with its path, and return the path's rows; each begins with its time (s).
 
-        A Scenic program may have ended the run early. Raises FoldcarError, which starts with ``label``, for a failed run.
+        ``answer`` is the result of the run. A Scenic program may have ended the run early; the path ends then, too.
+        Raises FoldcarError, which starts with ``label``, if the run failed with an error.
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 

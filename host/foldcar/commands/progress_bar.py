@@ -100,7 +100,11 @@ class ProgressBar(TerminalBar):
         self._show_realities(list(progress.realities.values()))
 
     def _show_realities(self, counts: "list[RealityCounts]") -> None:
-        """Display the counts of runs in other realities, by experiment."""
+        """Display how many runs in other realities are done, in a bar of its own; each experiment has its ``counts``.
+
+        A *reality* is a set of values of what the simulator does not know exactly, such as friction. Without such runs
+        there is no bar.
+        """
         total = sum(count.total for count in counts)
         if not total:
             return

@@ -154,7 +154,8 @@ def _built_rate(designs: Mapping[str, Any], index: int) -> str:
 def _best_first(experiment: Mapping[str, Any]) -> list[int]:
     """Return the indices of the designs, best first: by the expected success of built cars, then by that in simulation.
 
-    Designs whose rate is unknown come last.
+    Designs whose rate is unknown come last. An experiment without a rule for success is not judged: its runs neither pass
+    nor fail, so there are no rates in simulation.
     """
     designs = experiment["designs"]
     rates_of_designs = [designs["belief"]]

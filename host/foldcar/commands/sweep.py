@@ -102,7 +102,11 @@ def sweep(
 
 
 def _stopped_text(planned: "Sweep") -> str:
-    """Return the message after Ctrl-C: how many of the planned runs are stored."""
+    """Return the message after Ctrl-C: how many of the planned runs are stored.
+
+    Some runs may be planned in other *realities*: with other values of what the simulator does not know exactly, such as
+    friction. They are counted separately.
+    """
     progress = planned.progress
     # A stopping rule may make fewer runs.
     at_most = "at most " if planned.until else ""

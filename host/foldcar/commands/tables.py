@@ -79,7 +79,11 @@ def print_comparison(comparison: "Comparison") -> None:
 
 
 def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
-    """Print a row for each design with its rates, its gap and its verdict."""
+    """Print a row for each design with its success rates, and how they differ: their gap and a verdict.
+
+    There is the rate in simulation, the rate of the cars that drove the trials, headed "these %", and if it is known the
+    rate that a car would have that is built next, headed "further car %".
+    """
     designs = comparison.designs
     heads = ["design", "runs", "simulated %", "cars", "passed", "these %"]
     has_built_rates = any(design.built is not None for design in designs)

@@ -84,16 +84,17 @@ def _run_data(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
 
 
 def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str] | None) -> ListedRun:
-    """Return the run that ``--run`` names, EXPERIMENT/SAMPLE.
+    """Return the run that ``--run`` names, as EXPERIMENT/SAMPLE or as EXPERIMENT for sample 0.
 
     Raises FoldcarError if the text has another form, the run does not exist, or it has another vehicle.
     """
     match = re.fullmatch(r"([^/]+)(?:/([0-9]{1,8}))?", run)
-    if match is None or int(match[2] or 0) >= MAX_ENVIRONMENTS:
+    sample = 0 if match is None or match[2] is None else int(match[2])
+    if match is None or sample >= MAX_ENVIRONMENTS:
         last = MAX_ENVIRONMENTS - 1
         raise FoldcarError(f"--run {run}: is not EXPERIMENT/SAMPLE with a sample from 0 to {last}, as in 1/3")
     experiment = match[1]
-    listed = listed_run(listing, experiment, settings, int(match[2] or 0))
+    listed = listed_run(listing, experiment, settings, sample)
     run_vehicle = listed.experiment.family.vehicle
     if vehicle is not None and vehicle != run_vehicle:
         raise FoldcarError(f"--run {run}: experiment {experiment} has vehicle {run_vehicle}, not {vehicle}")

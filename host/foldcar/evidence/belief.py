@@ -248,8 +248,9 @@ def _varied_values(info: ExperimentInfo, designs: Sequence[Design]) -> NDArray[A
 def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
     """Return the success rate that is learned from an experiment's runs in other realities.
 
-    Returns None if the experiment defines no success, has no runs, was itself simulated in another reality, or has fewer
-    than MIN_LEARNED runs in other realities.
+    A *reality* is a set of values of what the simulator does not know exactly, such as friction. The runs with the
+    assumed values, which are called nominal, are used for learning, too. Returns None if the experiment defines no
+    success, has no runs, was itself simulated in another reality, or has fewer than MIN_LEARNED runs in other realities.
     """
     is_in_other_reality = info.under is not None
     if not info.success_defined or not info.stored_runs or is_in_other_reality:

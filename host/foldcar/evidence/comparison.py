@@ -195,7 +195,11 @@ def compare(
 
 
 def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
-    """Compare as :func:`compare` does, given evidence; ``unswept`` are trials of experiments that were not swept."""
+    """Compare simulated runs with trials of built cars, for each experiment in ``evidence``, which has both.
+
+    ``unswept`` are trials of experiments that were not swept, so there are no runs to compare them with. The result has a
+    sentence for each such experiment. ``margin`` is the largest difference (0 to 1) at which two success rates agree.
+    """
     experiments = tuple(compare_experiment(experiment, margin) for experiment in evidence)
     unswept_counts = Counter(trial.experiment for trial in unswept)
     unswept_sentences = tuple(

@@ -58,7 +58,8 @@ def simulated_design(
 ) -> tuple[DesignEvidence, str | None]:
     """Simulate the design of a trial, which was not swept, in all environments of the sweep.
 
-    Returns the design and None, or the design without runs and the reason why it cannot be simulated.
+    Returns the design with its runs, and None. If it cannot be simulated, returns the design without any run, and the
+    reason. If ``resimulation`` is None, it is not simulated, and there is no reason.
     """
     results: list[RunResult] = []
     reason = None

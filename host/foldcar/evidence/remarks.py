@@ -63,14 +63,15 @@ def _rejected_runs(counts: DesignCounts) -> list[str]:
 def on_trials(info: ExperimentInfo, selected_trials: Sequence[Trial]) -> list[str]:
     """Return remarks on the trials that are compared with runs.
 
-    They say how many were driven by simulated cars, and how many were corrected afterwards.
+    They say how many were driven by simulated cars, and how many were corrected afterwards. ``info.under`` describes the
+    parameters of the simulator if a file has set them for the runs; otherwise it is None.
     """
     sentences = []
     if info.under is not None and selected_trials:
         sentences.append(f"The runs are of {info.under}: its parameters come from a file, not from trials.")
-    simulated = sum(trial.standing == SIMULATED for trial in selected_trials)
-    if simulated:
-        sentences.append(f"SIMULATED cars drove {simulated} of {count(len(selected_trials), 'trial')}.")
+    by_simulated_cars = sum(trial.standing == SIMULATED for trial in selected_trials)
+    if by_simulated_cars:
+        sentences.append(f"SIMULATED cars drove {by_simulated_cars} of {count(len(selected_trials), 'trial')}.")
     corrected = sum(trial.corrections > 0 for trial in selected_trials)
     if corrected:
         sentences.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")

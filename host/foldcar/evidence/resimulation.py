@@ -54,9 +54,11 @@ class Resimulation:
         self._runs = self._trials = 0
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
-        """Simulate a trial in its scene as it was placed. Return the outcome, or None if that is not possible.
+        """Simulate what a trial drove, with the obstacles where they really stood, and return the outcome.
 
-        The car deviates from its design as in the swept run of the same sample.
+        The simulated car deviates from its design as in the swept run of the same sample. Returns None if the store lacks
+        what the trial drove, if the runs of the experiment cannot be repeated here, or after MAX_TRIALS trials. In the
+        last two cases the trial is counted, for a remark.
         """
         drive = self._store.trial_drive(trial.id)
         if drive is None:

@@ -28,7 +28,11 @@ MEASUREMENTS = {
 
 
 def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return the line that answers "Want a car that works?": which car to take, and its success rate."""
+    """Return the line that answers "Want a car that works?": which car to take, and its success rate.
+
+    It is a car that the user has, unless a further car of the best design is expected to do better. The rates are
+    followed by their intervals. At the end, the line says which designs reach ``threshold``.
+    """
     answers = belief.answers
     best_label = belief.labels[answers.best]
     best_rate = band_text(answers.built[answers.best])

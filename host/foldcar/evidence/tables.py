@@ -109,7 +109,12 @@ def _object(estimate: Rate | Gap | None) -> dict[str, Any] | None:
 
 
 def _unknown(unknown: Unknown) -> dict[str, Any]:
-    """Return what the trials have taught about a parameter, in the parameter's unit."""
+    """Return what the trials have taught about an unknown parameter of the simulator, such as friction.
+
+    ``before`` and ``after`` the trials, it has an estimate in its own unit. ``shift`` is how far the estimate moved, in
+    standard deviations, and ``narrowed`` the fraction of the variance that is gone. ``measured`` is a value that somebody
+    measured, and ``wrong`` the probability that this measurement is wrong.
+    """
     parameter = unknown.parameter
     return {
         "name": parameter.name,

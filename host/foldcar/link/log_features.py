@@ -129,15 +129,16 @@ def _measurements(messages: Sequence[Any], start_s: float) -> list[_Measurement]
     measurements = []
     for time_ms in sorted(attitudes.keys() & samples.keys()):
         attitude, sample = attitudes[time_ms], samples[time_ms]
-        x, y, z = MILLI_G_M_S2 * sample.xacc, MILLI_G_M_S2 * -sample.yacc, MILLI_G_M_S2 * -sample.zacc
+        # SCALED_IMU has the acceleration forward, to the right and down.
+        forward, right, down = (MILLI_G_M_S2 * component for component in (sample.xacc, sample.yacc, sample.zacc))
         measurements.append(
             _Measurement(
                 time_s=time_ms / 1000 - start_s,
                 roll_rad=attitude.roll,
                 pitch_rad=attitude.pitch,
                 yaw_rad=attitude.yaw,
-                forward_m_s2=x,
-                total_m_s2=math.sqrt(x * x + y * y + z * z),
+                forward_m_s2=forward,
+                total_m_s2=math.sqrt(forward * forward + right * right + down * down),
             )
         )
     return measurements
@@ -176,16 +177,18 @@ def _motion(messages: Sequence[Any], start_s: float, duration_s: float) -> _Moti
 
 
 def _filter_errors(measurements: Sequence[_Measurement]) -> list[float]:
-    """Return the estimated error (rad) of the filter's pitch at each measurement: d in the head of this file.
+    """Return the estimated error (rad) of the pitch that the car's filter had at each measurement.
 
-    While the accelerometer measures little but gravity, it shows the pitch, and the filter follows it. At all times,
-    the error is forgotten slowly.
+    The filter moves its pitch towards that of the accelerometer, with the time constant FILTER_S. While the car
+    accelerates, the accelerometer's pitch is wrong, so the filter collects an error. This error is the sum of all these
+    small movements; it decays with the time constant FORGETTING_S. While the car is shaken, the filter ignores the
+    accelerometer.
     """
     errors = []
     error = 0.0
     last_s = measurements[0].time_s
     for measurement in measurements:
-        # After a long gap the whole error is forgotten.
+        # After a gap of FORGETTING_S or more, nothing is left of the error.
         step_s = min(measurement.time_s - last_s, FORGETTING_S)
         last_s = measurement.time_s
         error -= error * step_s / FORGETTING_S

@@ -55,7 +55,10 @@ def _fit(evidence: Evidence, names: Sequence[str]) -> Effects | None:
 def effect_rows(effects: Effects, parameters: list[int]) -> list[ParameterEffect]:
     """Return a row for each parameter of the model: how the success rate changes with it.
 
-    ``parameters`` are the indices of the model's parameters among all parameters of the family.
+    ``grid`` are values of the parameter, and ``mean`` is the success rate at each, averaged over combinations of the
+    other parameters. ``curves`` are the rates of single combinations, and ``over`` says in words which combinations
+    there are. ``low`` and ``high`` are a band for the shape of the mean curve, and ``level`` is an interval for its
+    average height. ``parameters`` are the indices of the model's parameters among all parameters of the family.
     """
     rows: list[ParameterEffect] = []
     for index, parameter in enumerate(parameters):
@@ -107,7 +110,11 @@ def importance_rows(effects: Effects, indices: Sequence[int]) -> list[ParameterI
 
 
 def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[Cause]:
-    """Return a row for each value that separates passed from failed runs, the best first, with success over it."""
+    """Return a row for each random value by which passed and failed runs of a design differ, the clearest first.
+
+    ``separation`` says how clearly, with its interval. ``bins`` divide the range of the value, and have the numbers of
+    runs and of passed runs in each part. There are no rows if the experiment has no rule for success.
+    """
     if not evidence.info.success_defined:
         return []
     runs = evidence.runs.counted

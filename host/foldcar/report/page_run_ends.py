@@ -178,7 +178,11 @@ def met_obstacles(
 
 
 def _obstacle_rows(course: Course) -> list[ObstacleRange]:
-    """Return each obstacle's name, its mean ends (m), and the ends of the range that contains it in most environments."""
+    """Return for each obstacle where it begins and ends on the way from the start to the goal, in m.
+
+    ``from_m`` and ``to_m`` are means over the environments. In nearly all environments, the obstacle lies between
+    ``least_m`` and ``most_m``: at each end of this range, it exceeds the range in a fraction TAIL of them.
+    """
     return [
         {
             "name": name,

@@ -142,8 +142,9 @@ class Axis:
 def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float], figure: Figure | None = None) -> Figure:
     """Draw the success rates of designs in simulation and of built cars, each with its 95 % band.
 
-    A thin curve is the success rate in one reality. Designs whose built cars reach the highest of the ``thresholds`` on
-    average have a tinted background.
+    The simulator does not know everything exactly, such as friction. A *reality* is one possible set of values of what
+    it does not know, and each thin curve is the success rate in one reality. Designs whose built cars reach the highest
+    of the ``thresholds`` on average have a tinted background.
     """
     # Where each design stands on the horizontal axis.
     axis = Axis(designs)

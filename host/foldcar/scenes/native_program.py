@@ -115,6 +115,7 @@ def _translated(scenario: Any, tree: Any, success: SuccessRule) -> NativeProgram
     translator = Translator(tree, scenario)
     endings, limits, records = [], [], []
     conditions = (*scenario.terminationConditions, *scenario.terminateSimulationConditions)
+    # The lines of the conditions that end a run as passed.
     passing_lines = {condition.line for condition in conditions if str(condition) in success.endings}
     for statement_kind in ("TerminateWhen", "TerminateSimulationWhen"):
         for node in _statements(tree, statement_kind):
@@ -131,11 +132,13 @@ def _translated(scenario: Any, tree: Any, success: SuccessRule) -> NativeProgram
                 records.append(_translated_record(translator, scenario, node, record_kind))
     if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
         raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
-    expressions_terms = [ending.terms for ending in endings] + [record.terms for record in records]
-    if any(len(terms) > MAX_TERMS for terms in expressions_terms):
+    expressions = [ending.terms for ending in endings] + [record.terms for record in records]
+    if any(len(terms) > MAX_TERMS for terms in expressions):
         raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
-    # Scenic knows all statements. The syntax tree's top level has fewer if some stand in a block.
-    if len(endings) != len(conditions) or len(records) != len(_scenic_records(scenario)) or len(limits) > 1:
+    # Scenic knows all statements of the program, but only those of the top level were translated here.
+    lacks_endings = len(endings) != len(conditions)
+    lacks_records = len(records) != len(_scenic_records(scenario))
+    if lacks_endings or lacks_records or len(limits) > 1:
         raise NotNativeError("statements that do not stand at the top level")
     return NativeProgram(translator, endings, limits, records)
 

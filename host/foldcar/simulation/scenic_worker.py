@@ -61,7 +61,7 @@ class ScenicWorker:
     """Simulates runs of a compiled Scenic program with carsim. Raises FoldcarError if the program cannot be opened."""
 
     def __init__(self, first_message: dict[str, Any]) -> None:
-        """Compile the Scenic program that the first message names, for all runs that follow."""
+        """Compile the Scenic program of the first message that this process receives. All runs that follow are of it."""
         self._source: SceneSource = open_environment(
             Path(first_message["program"]),
             first_message["params"],
@@ -69,7 +69,7 @@ class ScenicWorker:
             first_message["condition"],
             first_message["files"],
         )
-        # Import before the process is copied, because every run needs this.
+        # Imported before this process is forked, because every run needs it.
         from scenic.core import dynamics
 
         from foldcar.simulation.scenic_simulator import CarSimulator
@@ -77,14 +77,17 @@ class ScenicWorker:
         # Scenic's own timer, which warns of monitors that hang, would cancel the timer of RUN_LIMIT_S.
         dynamics.stuckBehaviorWarningTimeout = 0
         self._simulator = CarSimulator
+        # The conditions that end a run as passed.
         self._passing = self._source.success.endings
         self._command = first_message["command"]
+        # What this process has to close at its end.
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
-        # A copy of this process, which simulates the runs of one sample, and the number of that sample.
+        # A sample is a scene that the program draws at random. A fork of this process simulates the runs of one sample;
+        # this is the fork, and the number of its sample.
         self._copy: Forked | None = None
         self._sample_of_copy: int | None = None
-        # The sample that this process has drawn, if any.
+        # The sample that this process, as such a fork, has drawn.
         self._drawn: _DrawnSample | None = None
 
     def close(self) -> None:

@@ -27,8 +27,8 @@ class LogCopies:
     def plan(self, other_store: Path, trial: Row) -> str:
         """Plan to copy the log of a trial of ``other_store``, and return the name of the copy.
 
-        If another log has the same name, a part of the trial's UUID is added to it. Raises StoreError if this name is
-        taken, too.
+        If another log has the same name, a part of the trial's UUID is added to the name. Raises StoreError if another
+        log has this name, too.
         """
         name = Path(trial["log"])
         log = log_file(other_store, trial["log"])
@@ -42,7 +42,8 @@ class LogCopies:
             # The log that will have this name: one that is planned, or a file that exists already.
             log_of_this_name = self._planned.get(copy, copy)
             digest_of_this_name = sha256_of(log_of_this_name)
-            if digest_of_this_name is None or digest_of_this_name == digest:
+            is_free = digest_of_this_name is None
+            if is_free or digest_of_this_name == digest:
                 if not os.path.lexists(copy):
                     self._planned[copy] = log
                 return str(candidate)

@@ -90,7 +90,8 @@ def _first_damaged_column(table: Table, row: Row) -> str | None:
 def _has_hash(connection: Connection, table: Table, row: Row) -> bool:
     """Return whether the hash in a row is the hash of its JSON text.
 
-    The scene of a program that runs during the simulation has a hash of the text and of the sample's identity.
+    A scene may have another hash: that of its text and of the sample that it belongs to. It has this hash if its Scenic
+    program runs beside the simulation, because samples with equal texts may go differently then.
     """
     if row["hash"] == text_hash(row["json"]):
         return True

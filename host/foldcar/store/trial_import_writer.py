@@ -29,12 +29,13 @@ class TrialImportWriter(StoreConnection):
 
         Each of ``trials`` is a row of the table of trials, with its ``uuid``. A trial that another store has exported
         also has ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table, oldest first).
-        Its other fields have their values after the corrections. If such a trial is stored already, only the corrections
-        are added that it lacks. Raises StoreError if a trial is stored with other contents; then nothing is
-        stored.
+        The other fields of such a trial have the values to which they were corrected. If the trial is stored already,
+        only the corrections that the stored trial lacks are added. Raises StoreError if a trial is stored with other
+        contents; then nothing is stored.
         """
         new_numbers = []
         with self._transaction():
+            # The environment and the Scenic program of each experiment that the new trials name.
             origins: dict[str, _Origin] = {}
             for imported in trials:
                 trial = dict(imported)

@@ -110,8 +110,8 @@ class TrialReader(Snapshot):
     def listed_environment_id(self, info: ExperimentInfo) -> int:
         """Return the id of the environment that an experiment has in its listing; 0 if it is not stored.
 
-        Trials are driven in this environment. If the experiment was simulated in a reality, with another friction, for
-        example, its runs have an environment of their own.
+        Trials are driven in this environment. If the experiment was simulated with other parameters of the simulator,
+        such as another friction, its runs have an environment of their own. ``info.reality`` has these parameters.
         """
         if info.reality is None:
             return int(self.row(EXPERIMENT, id=info.id)["environment_id"])

@@ -100,12 +100,14 @@ class ChunkPool(Generic[R]):
         inputs_of: Callable[[Sequence[R]], ChunkInputs],
         key_of: Callable[[R], Hashable],
     ) -> None:
+        # The simulator's input of some runs, and what determines the result of a run.
         self._inputs_of = inputs_of
         self._key_of = key_of
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
         self._pool = ThreadPoolExecutor(self._simulators.max_count, thread_name_prefix="carsim")
-        # The submitted chunks with their runners.
+        # The chunks that are being simulated, each with its runner.
         self._futures: dict[Future[_Chunk[R]], Runner] = {}
+        # What simulates the runs that are added now; None if none may be added.
         self._runner: Runner | None = None
         # The chunk that is being filled, and the number of runs at which it is submitted.
         self._chunk: list[R] = []

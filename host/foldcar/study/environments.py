@@ -104,9 +104,12 @@ class ExperimentEnvironment:
             return []
         notes = [f"sample 0: {note}" for note in scene_notes(self.sample(0))]
         if self._source.has_drawn_early:
+            # Random values that are drawn while the program is compiled are the same in all samples.
             notes.append(EARLY_DRAW)
         experiment = self._experiment
-        if experiment.environments > 1 and not experiment.variation and self.sample(1) == self.sample(0):
+        # The cars of all samples are alike without variation. If the scenes are alike as well, so are the runs.
+        has_equal_cars = not experiment.variation
+        if experiment.environments > 1 and has_equal_cars and self.sample(1) == self.sample(0):
             notes.append(ALIKE)
         return notes
 
@@ -138,7 +141,10 @@ class ExperimentEnvironment:
 
     @contextlib.contextmanager
     def runner(self, carsim: Carsim, dynamic: bool) -> Iterator[Runner]:
-        """Yield the runner of this environment: carsim, or for a dynamic program Scenic beside carsim."""
+        """Yield what simulates runs in this environment: carsim or, if the program is dynamic, Scenic beside carsim.
+
+        A dynamic program has parts that only Scenic can evaluate during a run.
+        """
         if not dynamic:
             yield carsim
             return

@@ -358,7 +358,7 @@ class _ParameterReader:
             text = f"{values[0]} is not a number; write a number, a list of numbers or a range"
             self.mistakes.append(f"{origin}: {text}")
             return
-        # The parameter may have been listed in another group before.
+        # The parameter may have been listed before, in another group of the listing. Then the values must be the same.
         earlier_values = self.choices.setdefault(parameter.key, values)
         if earlier_values != values:
             first = self.origins[parameter.key]

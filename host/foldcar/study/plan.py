@@ -56,7 +56,7 @@ def plan_experiment(
     options: SweepOptions | SearchOptions,
 ) -> PlannedExperiment:
     """Store an experiment and its designs, in place of an earlier experiment with the same id. Raises FoldcarError."""
-    # The program need not be compiled if its files have not changed since an earlier sweep.
+    # If the program's files have not changed since an earlier sweep, the environment need not compile it again.
     environment.recall(writer.program_files(experiment.id), writer.knows_environment)
     environment_id = writer.environment(environment.fingerprint)
     program_facts = _program_facts(environment, writer, environment_id)
@@ -76,9 +76,11 @@ def plan_experiment(
         environments=experiment.environments,
         facts=facts,
     )
-    # The fingerprint says that all designs are stored. A search adds its designs one by one later, so it stores none.
-    adds_designs = isinstance(options, SearchOptions) and bool(options.objectives)
-    writer.put_experiment(plan, designs, None if adds_designs else designs.fingerprint)
+    # With their fingerprint, a later sweep recognises that the store has all these designs. A search adds its designs one
+    # by one later. So its experiment does not have all of them, and is stored without the fingerprint.
+    adds_designs_later = isinstance(options, SearchOptions) and bool(options.objectives)
+    fingerprint = None if adds_designs_later else designs.fingerprint
+    writer.put_experiment(plan, designs, fingerprint)
     return plan
 
 

@@ -29,12 +29,12 @@ class PlannedDesigns:
     """The designs of an experiment in the family's order; ``fingerprint`` is a hash of everything they depend on."""
 
     def __init__(self, experiment: Experiment, table: Mapping[str, TableRow], stored: StoredDesigns | None) -> None:
-        """Fold every design, unless ``stored`` has the same fingerprint. Raises FoldcarError."""
+        """Fold every design, unless the same designs are stored, as equal fingerprints say. Raises FoldcarError."""
         self._experiment, self._table = experiment, table
         self.fingerprint = designs_fingerprint(experiment, table)
         if stored is not None and stored.fingerprint == self.fingerprint:
             experiment.family.mark_buildable(stored.parameters)
-            # None: no design is folded until the designs are iterated over.
+            # None means that no design is folded yet. This is done when the designs are iterated over.
             self._texts: list[bytes] | None = None
         else:
             self._texts = []

@@ -219,8 +219,9 @@ def learning_error(
 ) -> float | None:
     """Learn the success rate from runs in other realities, and return its error (0 to 1), or None if it is unknown.
 
-    ``designs`` (designs, parameters) are the values of the parameters that vary. ``counts`` are the numbers of nominal
-    runs of each design, and ``variation`` has the names of the quantities that vary between the cars of these runs.
+    A *reality* is a set of values of what the simulator does not know exactly, such as friction. Nominal runs are those
+    with the assumed values; ``counts`` are their numbers for each design, and ``variation`` has the names of the
+    quantities that vary between their cars. ``designs`` (designs, parameters) are the values of the parameters that vary.
     """
     from threadpoolctl import threadpool_limits
 

@@ -62,7 +62,11 @@ def stopping_rules(until: str, study: ListedStudy) -> dict[str, StoppingRule]:
 
 
 def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCounts) -> list[DesignState]:
-    """Return the result of each design of the experiment."""
+    """Return the result of each design: how many runs it has, its success rate, and whether ``rule`` is satisfied.
+
+    Rejected runs carry no information, so they are not counted. The success rate is given as an interval that holds at
+    whatever number of runs the design stops.
+    """
     low, high = anytime_interval(counts.passed, counts.counted, rule.confidence)
     decided = rule.decided(counts.passed, counts.counted)
     return [

@@ -71,9 +71,9 @@ class Session:
         self._answers = PersonAnswers(self._idle)
         self._questions = None if options.yes else self._answers
         self._plugged = PluggedCar()
-        # The samples whose placement was drawn, each with the hash of the car.
+        # The samples of which a picture for placing the obstacles is drawn, each with the hash of the car in it.
         self._drawn: set[tuple[int, str]] = set()
-        # The planned scenes by sample.
+        # The scenes with the obstacles where they should be placed, by sample.
         self._scenes: dict[int, PlannedScene] = {}
         # Where the obstacles stand since the last trial; None if this is unknown.
         self._arrangement: Arrangement | None = None
@@ -132,7 +132,11 @@ class Session:
         return len(self.driven) >= requested + self._repeated
 
     def _welcome(self) -> CheckedCar:
-        """Check the car; return it with its design. Raises FoldcarError if it cannot drive the trials."""
+        """Check the plugged car, and return it with its design.
+
+        If the car is simulated, it is also moved to the start of the first sample that it drives. A sample is a scene
+        that the experiment's program has drawn at random. Raises FoldcarError if the car cannot drive the trials.
+        """
         identity, design = welcome(
             self._plugged.connected,
             self._experiment,
@@ -142,8 +146,9 @@ class Session:
             self._options.any_build,
         )
         if identity.simulated:
-            sample = self._options.sample or 0
-            enter_sample(self._plugged.connected, self._scene(sample).scene, sample, self._experiment)
+            first_sample = self._options.sample or 0
+            scene = self._scene(first_sample).scene
+            enter_sample(self._plugged.connected, scene, first_sample, self._experiment)
         return CheckedCar(identity, design)
 
     def _ask_what_next(self, writer: TrialWriter, trial: DrivenTrial) -> bool:
@@ -254,7 +259,12 @@ class Session:
         return DrivenTrial(trial_number, sample, log, stored, end)
 
     def _next_sample(self, writer: TrialWriter, checked_car: CheckedCar) -> int:
-        """Return the sample to drive: the one that the options name, the one to drive again, or else the next one."""
+        """Return the number of the sample, one of the experiment's scenes, that the next trial is driven in.
+
+        It is the sample of the option ``--sample`` or, without this option, the sample of a trial that must be repeated.
+        Otherwise it is chosen by the numbers of trials that the design already has in each sample, and so that few
+        obstacles have to be moved.
+        """
         if self._options.sample is not None:
             return self._options.sample
         if self._again is not None:

@@ -114,15 +114,16 @@ class _Pieces:
         self.tabs = self._tabs()
 
     def _sheets(self) -> list[dict[str, Pose]]:
-        """Return the fused faces of each piece, with their poses in the frame of the first one.
+        """Return the faces of each piece by their paths, with their poses in the frame of the piece's first face.
 
-        Raises ComponentError for a loop of folds.
+        The faces that folds connect are one piece, which can be cut from a flat sheet. Raises ComponentError if folds
+        connect faces in a loop, which a flat sheet cannot have.
         """
-        # The neighbours of each fused face over folds, with their poses in its frame.
+        # For each face: the faces beyond its folds, with their poses in its frame.
         neighbours: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
-        for seam in self.folds:
-            for edge, opposite in ((seam.a, seam.b), (seam.b, seam.a)):
-                pose = across_crease(self._ends(edge), self._ends(opposite), seam.link.angle_rad)
+        for fold in self.folds:
+            for edge, opposite in ((fold.a, fold.b), (fold.b, fold.a)):
+                pose = across_crease(self._ends(edge), self._ends(opposite), fold.link.angle_rad)
                 neighbours[edge.face].append((opposite.face, pose))
         sheets: list[dict[str, Pose]] = []
         reached: set[str] = set()
@@ -130,8 +131,8 @@ class _Pieces:
             if path in reached:
                 continue
             sheet = propagate_poses(path, IDENTITY, neighbours)
-            fold_count = sum(seam.a.face in sheet for seam in self.folds)
-            # A tree of folds has one fold fewer than faces.
+            fold_count = sum(fold.a.face in sheet for fold in self.folds)
+            # Without a loop, there is one fold fewer than faces.
             if fold_count >= len(sheet):
                 message = f"is in a loop of {fold_count} folds, which no flat sheet has; make one of them a tab"
                 raise ComponentError(path, message)
@@ -256,7 +257,11 @@ class _Pieces:
     def _neighbours_of_pieces(self) -> dict[int, list[tuple[int, Pose]]]:
         """Return the neighbours of each piece with their poses in its frame. Pieces are known by their indices.
 
-        Two pieces are neighbours if a placement or a tab says how they lie relative to each other.
+        Two pieces are neighbours if a placement or a tab says how they lie relative to each other. A *placement* is a
+        given pose of a face on another one. A *tab* is a flap of one piece that is glued to the other piece.
+
+        A piece consists of fused faces, and a fused face of the faces of one or several components. Each of them has a
+        pose in what it is a part of. The poses are combined to the pose of a piece in the frame of the other.
         """
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
@@ -273,12 +278,14 @@ class _Pieces:
             host_in_fused = self.fused[fused_host].poses[placement.on]
             face_in_fused = self.fused[fused_face].poses[placement.face]
             add_neighbours(fused_host, fused_face, compose(host_in_fused, placement.pose, inverse(face_in_fused)))
+        # A seam is where edge a of a face and edge b of another one meet.
         for seam in self.seams:
-            if seam.link.kind == "tab" and self.piece_of[seam.a.face] != self.piece_of[seam.b.face]:
-                across = across_crease(self._ends(seam.a), self._ends(seam.b), seam.link.angle_rad)
-                # The tab lies this much above the face of edge a. So edge b, from which the tab grows, does too.
+            connects_pieces = self.piece_of[seam.a.face] != self.piece_of[seam.b.face]
+            if seam.link.kind == "tab" and connects_pieces:
+                b_if_edges_meet = across_crease(self._ends(seam.a), self._ends(seam.b), seam.link.angle_rad)
+                # But the tab, which grows from edge b, lies this much above the face of edge a. So face b does too.
                 above = translation(0, 0, seam.link.inset_mm)
-                add_neighbours(seam.a.face, seam.b.face, compose(above, across))
+                add_neighbours(seam.a.face, seam.b.face, compose(above, b_if_edges_meet))
         return neighbours
 
     def joins(self) -> Iterator[IndexedJoin]:

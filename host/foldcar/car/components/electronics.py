@@ -342,14 +342,19 @@ class ElectronicsModule(BrainModule):
         return self.parameter_error("width", _too_small(self["width"], min_width, battery.name))
 
     def _too_short(self, layouts: Sequence[Layout]) -> ComponentError:
-        """Return the error of a module that is too short for all layouts; it names the least length that would do."""
+        """Return the error of a module that is too short for all layouts; it names the least length that would do.
+
+        A layout is an arrangement of the boards and the battery along the module. The middle of the boards must be
+        between its ``low`` and its ``high``, but here ``low`` is above ``high``. ``turned`` is whether the battery lies
+        across the car.
+        """
         length = self["length"]
         nearest = min(layouts, key=lambda layout: layout.missing_mm)
         on_roof = self.parts.battery_place == "roof"
         parts_text = "the boards" if on_roof else f"the boards and the {self.parts.battery.name}"
         if not any(layout.turned for layout in layouts):
             parts_text += f" lengthwise at width {self['width']:g}"
-        # The limits of USB are set by the tyres beside the module.
+        # Between usb_low and usb_high a USB plug is clear of the tyres beside the module.
         is_limited_by_tyres = nearest.low == self["usb_low"] or nearest.high == self["usb_high"]
         if is_limited_by_tyres:
             parts_text += ", with a USB plug clear of the tyres"

@@ -186,7 +186,11 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
 
 
 def _outer_edges(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[RingEdge]:
-    """Return all edges of the faces in ``poses`` except the inner ones, face by face."""
+    """Return the edges that may be on the outline of several faces that are fused to one face.
+
+    ``poses`` are the poses of these faces in the fused one, by path. ``inner_edges``, where two of the faces meet, are
+    left out. The ends of an edge are given in the frame of the fused face.
+    """
     outer_edges: list[RingEdge] = []
     for path, pose in poses.items():
         for index in range(len(graph.faces[path].outline_mm)):
@@ -194,7 +198,7 @@ def _outer_edges(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -
             if edge in inner_edges:
                 continue
             start, end = graph.ends_mm(edge)
-            # The corners of a single face keep their exact coordinates.
+            # A single face is not moved, so its corners keep their exact coordinates.
             if len(poses) > 1:
                 start, end = _flat(pose, start), _flat(pose, end)
             outer_edges.append(RingEdge(edge, start, end))

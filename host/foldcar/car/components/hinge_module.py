@@ -79,13 +79,16 @@ class HingeModule(Component):
         half_length = self["length"] / 2 + glue_mm
         for name in ("front half", "rear half"):
             shape.rectangle(name, half_length, width, piece="hinge strip", thickness_mm=self["thickness"])
-        # A printed outline shows where each floor is glued: at the end of its half that is away from the flexure.
-        for name, rear_x in (("front half", half_length - glue_mm), ("rear half", 0.0)):
-            front_x = rear_x + glue_mm
-            shape.mark(name, "floor", ((rear_x, 0.0), (front_x, 0.0), (front_x, width), (rear_x, width)))
+        # The floor of a module is glued to the end of each half that is away from the flexure. A printed outline shows
+        # where: it is glue_mm long and as wide as the strip.
+        for name, glue_start_x in (("front half", half_length - glue_mm), ("rear half", 0.0)):
+            glue_end_x = glue_start_x + glue_mm
+            corners = ((glue_start_x, 0.0), (glue_end_x, 0.0), (glue_end_x, width), (glue_start_x, width))
+            shape.mark(name, "floor", corners)
         limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
         shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
-        if self._stop_mm() >= MIN_STOP_MM:
+        stop_fits = self._stop_mm() >= MIN_STOP_MM
+        if stop_fits:
             self._add_stop(shape, width * STOP_SHARE)
 
     def _check_angles(self) -> None:

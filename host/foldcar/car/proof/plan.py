@@ -136,19 +136,20 @@ class Building:
 def plan_assembly(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     """Return the steps in which a car is assembled, in order.
 
-    Their parts have no insertion paths yet; the proof (prove.py) adds these.
+    The steps do not say yet on which paths their parts are put in; the proof (prove.py) adds these paths.
     """
     roles = roles_of(car)
     building = Building(roles)
     _plan_segments(roles, building)
     _plan_inside(roles, building)
-    # The lids are shut last. But wheels would be in the way of a battery on an open lid, so they come after such a lid.
-    shuts_lids_before_wheels = any(roles.is_on_lid(mount) for mount in car.mounts)
-    if shuts_lids_before_wheels:
+    # In general the lids are shut last. But if a lid carries a part, such as a battery, it is shut before the wheels are
+    # added: while it is open, this part would meet the wheels.
+    a_lid_carries_a_part = any(roles.is_on_lid(mount) for mount in car.mounts)
+    if a_lid_carries_a_part:
         _plan_shutting(roles, building)
     for unit, wheels in roles.wheel_units.items():
         _plan_wheels(roles, building, unit, wheels)
-    if not shuts_lids_before_wheels:
+    if not a_lid_carries_a_part:
         _plan_shutting(roles, building)
     return tuple(building.steps)
 
@@ -337,10 +338,11 @@ def _mounts_on_axles(car: FoldedCar, unit: str, part: str) -> list[Mount]:
 
 @lru_cache(maxsize=16)
 def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """Return the steps of service: first those with the lid shut, then the one that opens it, then those with the
-    lid open.
+    """Return the steps of service, in which a user uses tools on a finished car and takes its battery out.
 
-    ``adds`` of a step are the parts that are taken out of the car. Their paths are not computed yet.
+    The first steps are those with the lid shut. Then comes the one that opens the lid, and then those with the lid open.
+    In steps of assembly, the field ``adds`` has the parts that are put in. In these steps, it has the parts that are
+    taken out. On which path they come out is not computed yet.
     """
     roles = roles_of(car)
     with_lid_shut: list[AssemblyStep] = []

@@ -146,8 +146,9 @@ class _Prover:
     def prove_service(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Carry out one step of service on the finished car, and return it with the paths of its parts.
 
-        Findings name it by ``number``. Tools must reach what they use, lids must open, and parts must come out; parts
-        that are taken out stay out.
+        Service is what a user does to a finished car, such as taking its battery out. ``step.adds`` are the parts that
+        come out. A finding is noted if a tool does not reach a part, a lid does not open, or a part does not come out.
+        It begins with ``number``, the number of the step. Parts that are taken out stay out in later steps.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)
@@ -157,12 +158,13 @@ class _Prover:
             for name in step.folds:
                 self._check_lid(place, name, "open")
         self._set_folds(step.folds)
-        proved = []
-        for added in step.adds:
-            for key in self._part_keys(added):
-                self.standing[CAR].pop(key, None)
-            proved.append(self._with_insertion_path(place, added, self.standing[CAR]))
-        return replace(step, adds=tuple(proved))
+        parts_in_place = self.standing[CAR]
+        removed_parts = []
+        for removed in step.adds:
+            for key in self._part_keys(removed):
+                parts_in_place.pop(key, None)
+            removed_parts.append(self._with_insertion_path(place, removed, parts_in_place))
+        return replace(step, adds=tuple(removed_parts))
 
     def _add_finding(self, place: str, message: str) -> None:
         self.findings.append(Finding("assembly", place, message))

@@ -117,17 +117,19 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> PictureContent:
     facets, lines = [], []
     # A tyre is described by many equal boxes around its axis. It is drawn as a ring instead.
     is_ring = len(mount.solids) >= RING_SOLIDS and len({solid.size_mm for solid in mount.solids}) == 1
+    # The kind of each drawn solid, and its sides.
     if is_ring:
-        kinds_and_sides = [("round", _ring(mount, pose))]
+        drawn_solids = [("round", _ring(mount, pose))]
     else:
-        kinds_and_sides = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
-    for solid_number, (kind, sides) in enumerate(kinds_and_sides):
+        drawn_solids = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
+    for solid_number, (kind, sides) in enumerate(drawn_solids):
         for side_number, side in enumerate(sides):
             key = f"{mount.name} {solid_number}.{side_number}"
             facets.append(Facet(key, side.rings_mm, side.normal, mount_material(mount), closed=True))
-            # The round side of a cylinder is drawn as many flat sides, which meet without a line. Its two ends come
-            # first.
-            if kind == "box" or side_number < CYLINDER_ENDS:
+            # The first sides of a round solid are its ends, which have lines around them. The other ones together are
+            # its round side, where they meet without a line.
+            is_end = side_number < CYLINDER_ENDS
+            if kind == "box" or is_end:
                 for ring in side.rings_mm:
                     lines += [EdgeLine((key,), ends, "cut") for ends in _edges(ring)]
     return PictureContent(tuple(facets), tuple(lines))

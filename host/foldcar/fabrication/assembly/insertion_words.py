@@ -244,7 +244,7 @@ class _InsertionWords:
     def _printed_side(self, added: AddedPart) -> str:
         """Return words on where the printed side of an added piece points; "" if the part is not a piece.
 
-        A unit counts as the piece that has its name.
+        For a *unit*, which is several parts that were put together before, this is the piece with the unit's name.
         """
         pieces = [part for part in self.state.parts_of(added) if isinstance(part, PlacedPiece)]
         named_piece = next((part for part in pieces if part.piece == added.name), None)

@@ -158,16 +158,16 @@ def _exploded(
 
 
 def _directions_out(part: Part, steps: ViewSteps, default: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return the directions (3,) in which a part comes out, one for each step in which it moves.
+    """Return the unit vectors (3,) in which a part comes out of the car, one for each step in which it moves.
 
-    Where it has no way, ``default`` is its direction.
+    This is the direction from where it is to the end of its moves. If it has no moves, it is that of ``default``.
     """
     kind, _, _ = part
     directions = []
-    for _, moves, _, _ in steps.ways[part]:
-        # A nut comes off the end of its screw, which is the first move of its way.
-        way_out = moves[:1] if kind == NUT else moves
-        direction = np.array(way_out).sum(axis=0) if way_out else default
+    for _step, moves, _start, _end in steps.ways[part]:
+        # The first move takes a nut off the end of its screw. This move alone gives its direction.
+        considered_moves = moves[:1] if kind == NUT else moves
+        direction = np.array(considered_moves).sum(axis=0) if considered_moves else default
         directions.append(direction / np.linalg.norm(direction))
     return directions
 

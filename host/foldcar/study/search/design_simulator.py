@@ -131,8 +131,9 @@ class DesignSimulator:
     def _adopt_stored_designs(self) -> list[Values]:
         """Return the family's designs that an earlier sweep or search has stored in the experiment.
 
-        This also notes whether that was a complete sweep. The stored experiment may have more environments than this one.
-        Then the number of environments of this one is raised to that of the stored one.
+        This also notes whether that was a complete sweep, which has all designs that can be built and all their runs.
+        The stored experiment may have more environments than this one. Then the number of environments of this one is
+        raised to that of the stored one.
         """
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
@@ -150,6 +151,7 @@ class DesignSimulator:
                 designs.append(values)
         facts = self._writer.experiment_facts(self._experiment.id)
         buildable_designs = family.combinations - len(facts["skipped"])
+        # The stored designs are those of this family, neither fewer nor others.
         has_all_designs = len(designs) == buildable_designs and len(sweep.designs) == buildable_designs
         stored_runs = sum(self._writer.design_counts(self._experiment.id).runs)
         has_all_runs = stored_runs == len(designs) * environments

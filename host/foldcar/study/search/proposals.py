@@ -142,20 +142,24 @@ class Proposals:
         """Record the result of the proposed design.
 
         ``objectives`` has a value for each objective of the search. ``rows`` are the design's results in the order of the
-        environments; if it was ``pruned``, these are the first ones only.
+        environments. If it was ``pruned``, it was stopped early, so these are the results of the first environments only.
+        ``mean_time_s`` decides between designs with equal objectives.
         """
         assert self._trial is not None
-        # At 0 the constraint is met: the design can be built.
+        # For Optuna, a constraint is met if its value is at most 0.
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
+        # The best design is the one with the least loss in the first objective.
         loss = self._objectives[0].loss(objectives[0])
-        if not pruned and (self._best is None or loss < self._best[0]):
+        is_best = self._best is None or loss < self._best[0]
+        if is_best and not pruned:
             self._best = loss, rows
         self.tried.append(Tried(self._suggested, tuple(objectives), len(rows), pruned, mean_time_s))
 
     def best(self, count: int) -> list[Tried]:
-        """Return the best ``count`` designs, best first; pruned designs are not among them.
+        """Return the best ``count`` of the tried designs, best first.
 
+        Designs that were pruned, which means stopped before they were tried in all environments, are not among them.
         With several objectives, these are non-dominated designs: no design is better in one objective and as good in the
         others. They are in the order of the first objective.
         """

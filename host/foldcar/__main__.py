@@ -23,7 +23,8 @@ def _end(number: int, frame: FrameType | None) -> None:
 def fix_hash_seed() -> None:
     """Start this program again with PYTHONHASHSEED=0, unless Python already has this hash seed.
 
-    The seed decides in which order Python goes through a set, and so which samples a program draws.
+    The hash seed decides in which order Python goes through a set. A program that draws random samples depends on this
+    order, so its results are repeatable only with a fixed seed.
     """
     if not sys.flags.hash_randomization:
         return

@@ -169,7 +169,10 @@ def _exit_after_interrupt() -> NoReturn:
 
 
 def _ending(error: BaseException) -> tuple[str | None, int]:
-    """Return the message and the exit code with which an error ends the command. A bug has no message, but None."""
+    """Return the message and the exit code with which an error ends the command.
+
+    The message is None if the error is a bug in foldcar.
+    """
     line = stop_line()
     if line is not None:
         # A signal has stopped the command. The error is its consequence.

@@ -109,7 +109,8 @@ def body_and_settings(
 def built_cars(count: int, variation: str | Mapping[str, float], variation_seed: int) -> list[str]:
     """Draw how each of ``count`` built cars differs from its design, and return these differences as JSON texts.
 
-    ``variation`` and ``variation_seed`` mean the same as in a listing. Raises FoldcarError.
+    A difference is a random number with the standard deviation of its quantity, such as a servo's speed. ``variation``
+    and ``variation_seed`` mean the same as in a listing. Raises FoldcarError.
     """
     if not isinstance(variation, str | Mapping):
         raise FoldcarError(

@@ -44,13 +44,16 @@ class ModelledSuccess:
     def _columns(self, names: Iterable[Any]) -> list[Any]:
         """Return which columns of a table are the parameters of the model, in the order of the parameters.
 
-        ``names`` are all columns of the table. It may have further columns. Raises FoldcarError if a parameter is
-        missing.
+        ``names`` are all columns of the table, which may have columns besides the parameters. Raises FoldcarError if a
+        parameter is missing. Its message begins with "rates", the method that the user has called.
         """
         columns: dict[str, Any] = {}
         for name in names:
+            # A column that is not a parameter raises an error and is left out.
             with suppress(FoldcarError):
-                columns.setdefault(column_named(name, self.parameters, "rates"), name)
+                parameter = column_named(name, self.parameters, "rates")
+                if parameter not in columns:
+                    columns[parameter] = name
         # A short name such as "length" may fit several columns. A column with the whole name of a parameter always wins.
         columns.update({name: name for name in names if name in self.parameters})
         missing = [parameter for parameter in self.parameters if parameter not in columns]

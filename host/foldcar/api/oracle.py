@@ -115,7 +115,8 @@ def simulate(
     def run(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
         """Simulate the run with this runner, and return its result.
 
-        ``extra_settings`` are added to the settings of the run. Raises FoldcarError if an input is refused.
+        The car's ``body``, ``scene_text``, ``settings_text``, ``label`` and ``sample`` are those of the enclosing
+        function. ``extra_settings`` are added to the settings of the run. Raises FoldcarError if an input is refused.
         """
         settings = settings_text
         if extra_settings:

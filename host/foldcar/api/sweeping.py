@@ -32,9 +32,10 @@ def sweep(
     """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
 
     ``samples`` replaces the listing's number of environments; ``jobs`` simulators run in parallel (None: one per
-    processor). ``realities`` is the number of runs of each experiment in other realities, from which the success rate of
-    built cars is learned: 0 leaves them out, None simulates as many as the learning needs. If the sweep is interrupted,
-    the same call resumes it. Raises FoldcarError if the listing or an argument is invalid.
+    processor). ``realities`` is the number of further runs of each experiment in which the simulator's uncertain
+    parameters, such as friction, have other values. From these the success rate of built cars is learned: 0 leaves them
+    out, None simulates as many as the learning needs. If the sweep is interrupted, the same call resumes it. Raises
+    FoldcarError if the listing or an argument is invalid.
 
     >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", samples=1, jobs=1)
     >>> study.experiments["1"].environments

@@ -315,9 +315,10 @@ def believe(
     measured: Sequence[int] = (),
     offsets: FloatArray | float = 0.0,
 ) -> Answers:
-    """Compute what the belief says about ``designs`` (d, parameters) before and after ``trials``.
+    """Return what is probable about the success of ``designs`` (d, parameters) before and after ``trials`` of built cars.
 
-    ``learned`` is the success rate as learned from simulation. ``known`` are priors of single unknown parameters that are
+    ``learned`` is the success rate of a design as a function of the simulator's uncertain parameters, as learned from
+    simulation. ``known`` are priors of single unknown parameters that are
     narrower than usual, by the parameter's index in PARAMETERS; ``measured`` are the indices of the parameters that were
     measured. ``offsets`` (d,) are differences of single designs from the learned log-odds.
     """

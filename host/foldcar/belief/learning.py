@@ -230,10 +230,12 @@ class _Rows(NamedTuple):
 
 
 def _rows_of_nominal_runs(nominal: NominalRuns, design_features: FloatArray, scenes: int) -> _Rows:
-    """Return a row of the regression for the nominal runs of each design that has such runs.
+    """Return a row of the regression for each design with nominal runs.
 
-    ``design_features`` (designs, features) are those of the designs. A row counts as at most NOMINAL_RUNS runs. The runs
-    were simulated in all scenes, so the columns of the ``scenes`` are 0.
+    Nominal runs are simulated with the nominal values of the simulator's parameters. ``design_features`` (designs,
+    features) describe the designs. The rate of a design counts as if it came from at most NOMINAL_RUNS runs. The
+    regression has a column for the effect of each scene. The nominal runs are averages over the scenes, so their rows
+    are 0 in these ``scenes`` columns.
     """
     has_runs = nominal.counted > 0
     inputs = _regression_inputs(nominal.scores[None])

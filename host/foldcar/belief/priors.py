@@ -38,16 +38,17 @@ class UnknownParameter:
     def value(self, score: Any) -> Any:
         """Return the value that belongs to a score, or the values of an array of scores.
 
-        A score of 0 is the median of the prior, and 1 is the quantile that lies one standard deviation above it in a
-        normal distribution.
+        A score is a quantile of the parameter's prior distribution, expressed as a number of standard deviations of a
+        normal distribution: 0 stands for the median, and 1 for the value above which 16 % of the distribution lie.
         """
         if self.prior == "log-normal":
             return self.middle * np.exp(self.sd * score)
         if self.prior == "normal":
             return self.middle + self.sd * score
-        # The prior is half-normal: x is normal with mean 0, and P(|x| < value) = P(z < score). So P(x > value) is half of
-        # P(z > score). This tail probability keeps its digits if the score is large.
-        return -self.sd * ndtri(ndtr(-np.asarray(score, dtype=float)) / 2)
+        # The prior is half-normal, the distribution of |x| if x is normal with mean 0. Half of the probability above the
+        # value belongs to x, the other half to -x. The tail above is used because it is exact for large scores.
+        probability_above = ndtr(-np.asarray(score, dtype=float))
+        return -self.sd * ndtri(probability_above / 2)
 
     def score(self, value: float) -> float:
         """Return the score of a value, the inverse of :meth:`value`; infinite if the prior excludes the value."""
@@ -187,27 +188,30 @@ def measured_value(text: str, place: str) -> tuple[str, float]:
 
     Raises FoldcarError, which starts with ``place``, if the text has another form, the name is unknown, or the value is
     outside the parameter's limits.
+
+    NAME is a parameter of the simulator whose true value is uncertain, and VALUE is what a person has measured.
     """
     name, _, number = (part.strip() for part in text.partition("="))
     try:
         value = decimal_number(number)
     except ValueError:
         raise FoldcarError(f"{place} {text}: is not NAME=VALUE with a number") from None
-    # This raises FoldcarError if the name is unknown, or if no reality can have this value.
-    parameter_named(name, value, f"{place} {name}".strip(), MAX_SCORE, with_nominal=False)
+    # This raises FoldcarError if the name is unknown, or if the value is too far from the median of the prior.
+    parameter_named(name, value, f"{place} {name}".strip(), largest_score=MAX_SCORE, with_nominal=False)
     return name, value
 
 
 def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, ScorePrior]:
     """Return the priors of parameters that were measured, by the parameter's index.
 
-    A prior is centred at the measured value. Its standard deviation is the precision of such a measurement. Raises
-    FoldcarError, which begins with ``place``, if a name is unknown or a value is outside its limits.
+    The priors are normal distributions of scores. A score is a value as a number of standard deviations from the median
+    of the usual prior. The new prior is centred at the measured value, and has the precision of such a measurement.
+    Raises FoldcarError, which begins with ``place``, if a name is unknown or a value is outside its limits.
     """
     priors = {}
     for name, value in measured.items():
         parameter = parameter_named(name, value, f"{place} {name}", MAX_SCORE, with_nominal=False)
-        # The score of a half-normal parameter that was measured as 0 is minus infinity.
+        # A half-normal parameter cannot be below 0, so its score is minus infinity if it was measured as 0.
         score = max(-MAX_SCORE, parameter.score(value))
         precision = MEASURABLE.get(name, OTHER_PRECISION)
         priors[NAMES.index(name)] = ScorePrior(score, precision, "measured")

@@ -31,7 +31,11 @@ class Trials:
 
     @classmethod
     def of_counts(cls, counts: Sequence[tuple[int, int, int]]) -> "Trials":
-        """Return the trials of one car for each tuple (design, passed, counted), in average scenes."""
+        """Return the trials of one car without a name for each tuple (design, passed, counted).
+
+        ``design`` is the index of the car's design, ``counted`` the number of its trials, and ``passed`` of how many it
+        passed. Their scenes are as difficult as the average scene, so that ``scene_ease`` is 0.
+        """
         cars = len(counts)
         return cls(
             design=numpy.array([design for design, _, _ in counts], int),
@@ -48,7 +52,10 @@ class Trials:
         return numpy.unique(self.design)
 
     def without(self, design: int) -> "Trials":
-        """Return the trials of all other designs. The remaining cars get new indices."""
+        """Return the trials of all other designs. The remaining cars get new indices.
+
+        The trials of a car in one scene are a group. The groups of the removed cars are removed, too.
+        """
         keeps_car = self.design != design
         keeps_group = keeps_car[self.car]
         # A car's new index is the number of kept cars before it.

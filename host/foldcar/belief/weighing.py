@@ -227,7 +227,11 @@ class Draws:
         return log_odds + self._own_size[:, None] * own_errors
 
     def car_odds(self, trials: Trials) -> CarOdds:
-        """Return the possible log-odds of each car that drove, and how probable its own trials are with them."""
+        """Return possible log-odds of success of each car that drove, and the log-likelihood of its own trials.
+
+        The cars of a design scatter around it, with the standard deviation ``car_sd`` of each draw. This normal
+        distribution is represented by a few values, the nodes. The arrays have the shape (draws, cars, nodes).
+        """
         # The log-odds of each car's design (draws, cars).
         driven_index_of_car = numpy.searchsorted(self.driven, trials.design)
         design_log_odds = self.log_odds(self.driven)[:, driven_index_of_car]
@@ -364,9 +368,11 @@ class _RandomWalk:
 
 
 def _largest_step(log_likelihood: FloatArray, limit: float) -> float:
-    """Return the largest step of the power of the likelihood, at most ``limit``, that leaves enough draws.
+    """Return by how much the power of the likelihood may grow in one step, at most by ``limit``.
 
-    Enough means that at least the fraction KEPT of the draws is effective after the step. It is found by bisection.
+    The likelihood is multiplied into the weights of random draws step by step, with powers whose sum is 1. A step makes
+    the weights unequal, so that fewer draws are effective. The result is the largest step after which at least the
+    fraction KEPT of the draws is effective, found by bisection.
     """
 
     def keeps_enough(power: float) -> bool:

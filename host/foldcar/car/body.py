@@ -33,7 +33,7 @@ def body_json(design: Design) -> dict[str, Any]:
     Raises DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # All wheels of a unit are alike, so one wheel of each unit is weighed.
+    # A unit is something that is built several times, such as a wheel. So one wheel of each unit is weighed.
     wheel_mass_by_unit: dict[str, float] = {}
     for axle in car.axles:
         if axle.unit not in wheel_mass_by_unit:
@@ -111,7 +111,10 @@ def _hinge_json(hinge: HingeJoint, film: Film) -> dict[str, Any]:
 
 
 def _wheel_json(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
-    """Return a wheel as carsim's input, with its servo if it is driven."""
+    """Return a wheel as input for the simulator, with its servo if it is driven.
+
+    ``grip`` is the friction of the tyre relative to that of the standard tyre.
+    """
     servo, supply_v = parts.servo, parts.cells.supply_v.value
     line = servo.at_voltage(supply_v)
     wheel: dict[str, Any] = {
@@ -247,8 +250,10 @@ class TableRow:
 def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -> dict[str, float]:
     """Return the values of the firmware's parameters for this car.
 
-    ``body`` is the design's body_json; it is computed if it is None. Channels count from 1 in the names of parameters,
-    and from 0 in the body.
+    ``body`` is the design's body_json; it is computed if it is None. Each servo has a channel, which drives it with
+    pulses. Channels count from 1 in the names of parameters, and from 0 in the body. A servo stands still at the
+    neutral pulse width, and within the dead band around it. From there, its speed grows with the pulse width by the
+    gain.
     """
     body = body_json(design) if body is None else body
     wheel_by_channel = {wheel["channel"]: wheel for wheel in driven_wheels(body)}

@@ -208,9 +208,10 @@ def _is_of_car(key: str) -> bool:
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
-    """Parse the letters (or names) of the modules and composites of a type string, front to back.
+    """Return the letters (or names) of a car's modules from its type string, front to back.
 
-    Raises DesignError for unknown, missing or misplaced modules.
+    ``modules_of("W_B_W")`` returns ("W", "B", "W"). A *composite* is a name that stands for several modules. Raises
+    DesignError for unknown, missing or misplaced modules.
     """
     letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
@@ -274,8 +275,9 @@ def _module_values(letter: str, place: str, values: Mapping[str, float], parts: 
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
     """Return the design with ``values`` (mm, degrees; by key) and defaults for all others.
 
-    Without ``choices`` the parts are those that the type string names. A key may be a place:
-    ``compose("W_B_W", {"W2.radius": 50})``. Raises DesignError if the design cannot be built.
+    A type string names the modules of a car from front to back, such as "W_B_W", and may name parts after a "+". If
+    ``choices`` is None, the parts are those that it names. A key may belong to a single module: the value
+    of "W2.radius" is the radius of the second module W. Raises DesignError if the design cannot be built.
     """
     letters = modules_of(type_string)
     if choices is None:
@@ -309,9 +311,9 @@ def _complete_values(
     """Return the values of a design by key: those that are set, and the defaults of parameters that are not set.
 
     A parameter may be set by its key, such as ``W.length``, and for single modules by the keys of their places, such as
-    ``W2.length``. If the keys of places set it for every module, the result has no value for ``W.length``, as that value
-    would have no effect. An optional parameter that is not set has no value either. Raises DesignError for a key that has
-    no effect.
+    ``W2.length``, which is that of the second module W. If the keys of places set it for every module, the result has
+    no value for ``W.length``, as that value would have no effect. An optional parameter that is not set has no value
+    either. Raises DesignError for a key that has no effect.
     """
     complete: dict[str, float] = {}
     for key, parameter in parameters().items():

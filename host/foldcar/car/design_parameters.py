@@ -62,8 +62,8 @@ PLACE = re.compile(r"(.*[^0-9])([1-9][0-9]*)")
 def find_parameter(group: str, name: str) -> DesignParameter | None:
     """Return the parameter ``name`` of a group of modules, or None if there is no such parameter.
 
-    A listing sets it by ``{group: {name: …}}``. ``group`` is ``common``, the letter of a kind of module, or a place such
-    as ``W2``. ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
+    ``group`` is ``common`` for all modules, or the letter of a kind of module, such as ``W``, or a *place*, which is one
+    module of a car, such as ``W2``, the second W. ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
     """
     shared = parameters().get(name)
     if shared is not None and (group == "common" or group in shared.modules):

@@ -90,10 +90,11 @@ def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
 
 
 def _horn_screw_fits(slot: Hole, parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits of a screw that holds a wheel on its horn, along and across its slot in the wheel.
+    """Yield the fits of a screw in its slot in a wheel, along and across the slot.
 
-    The slot lies along the radius of the wheel, because a hole of the horn may be nearer to the axle or farther from it
-    than in the horn's data. The axle is the origin of the face's frame.
+    The screw holds the wheel on its *horn*, the part that sits on the servo's shaft. The slot lies along the radius of
+    the wheel, because a hole of the horn may be nearer to the axle or farther from it than in the horn's data. The axle
+    is the origin of the face's frame.
     """
     radius_direction = (1.0, 0.0) if slot.center_mm is None else slot.center_mm
     length, width = _size(slot, radius_direction)
@@ -107,16 +108,17 @@ def _horn_screw_fits(slot: Hole, parts: Catalogue) -> Iterator[Fit]:
 def _usb_fit(hole: Hole, parts: Catalogue) -> Fit:
     """Return the fit of the USB plug in its round hole.
 
-    The plug may be too high or too low: its height depends on the socket, the spacers and the legs of the bridge. To let
-    it pass nevertheless, the hole must be larger by twice the error of the height.
+    The plug may be too high or too low. Its height depends on the socket, on the spacers, and on the legs of the
+    bridge, the folded piece that carries the boards. The hole lets it pass in both cases if it is larger by twice the
+    error of the height.
     """
     usb, diameter_mm = parts.plugs.usb, _size(hole)[0]
     diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)
     max_diagonal = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value)
     height_tolerance_mm = parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance
     tolerance_mm = max_diagonal - diagonal + 2 * height_tolerance_mm
-    # The cutter may be off by this at either edge of the hole. It may also be off at the end of a leg, which is an error
-    # of the height and so counts twice, too.
+    # The cutting machine may be off by this at both edges of the hole. It may also be off at the end of a leg. That is an
+    # error of the height, which counts twice.
     cut = parts.assembly.cut_mm.value
     cuts_of_hole_mm, cuts_of_legs_mm = 2 * cut, 2 * cut
     return Fit("USB plug in its hole", diameter_mm - diagonal, tolerance_mm, cutter_mm=cuts_of_hole_mm + cuts_of_legs_mm)
@@ -166,7 +168,8 @@ def _feather_pin_fit(parts: Catalogue) -> Fit:
 def _switch_fits(slot: Hole, car: FoldedCar) -> Iterator[Fit]:
     """Yield the fits of a switch: its body in the slot, and its barbs, which hold behind the panel.
 
-    The panel must be thick enough for the barbs, so it has layers of film behind it, each stuck on with tape.
+    The *film* is the plastic sheet of which the car is folded. One film is too thin for the barbs, so layers of film are
+    stuck behind the panel with tape.
     """
     switch, film, tape = car.parts.switch, car.parts.film.thickness_mm, car.parts.assembly.tape_mm
     slot_length, slot_width = _size(slot)
@@ -185,7 +188,7 @@ def _switch_fits(slot: Hole, car: FoldedCar) -> Iterator[Fit]:
     thickness_mm = film_count * film.value + tape_count * tape.value
     tolerance_mm = film_count * film.tolerance + tape_count * tape.tolerance + switch.panel_least_mm.tolerance
     clearance_mm = thickness_mm - switch.panel_least_mm.value
-    # The thickness does not depend on the cutter.
+    # The error of the machine that cuts the film does not change the thickness, so it is 0.
     yield Fit("switch's barbs behind layers of film", clearance_mm, tolerance_mm, cutter_mm=0.0)
 
 
@@ -256,8 +259,8 @@ def _gap_to_lid_mm(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> f
 def _wing_fit(gap_mm: float, parts: Catalogue) -> Fit:
     """Return the fit of the FeatherWing, with the servos' plugs on it, under the lid.
 
-    The leads bend over their plugs. The bends are part of the wing, which ends ``gap_mm`` below the lid. But bends may
-    touch the lid, so only the plugs must fit below it.
+    The FeatherWing is the upper board. The leads of the servos bend over their plugs. With these bends the wing ends
+    ``gap_mm`` below the lid. The bends may touch the lid, because they give way, so only the plugs must fit below it.
     """
     wing = parts.featherwing
     gap_over_plugs_mm = gap_mm + wing.plug_bend_mm.value

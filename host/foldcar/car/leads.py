@@ -114,7 +114,8 @@ def _ends(mount: Mount, battery: BoxPart) -> Iterator[BatteryEnd]:
     # The axis of the mount along which the battery's length lies: x (0), or y (1) if the battery is turned.
     x_mm, y_mm, _ = mount.size_mm
     length_mm = battery.length_mm.value
-    axis = 0 if abs(x_mm - length_mm) <= abs(y_mm - length_mm) else 1
+    is_turned = abs(x_mm - length_mm) > abs(y_mm - length_mm)
+    axis = 1 if is_turned else 0
     # In the car's frame, the middle of the battery and the vector from there to one of the ends.
     pose = np.array(mount.pose)
     middle = pose[:3, 3]
@@ -212,7 +213,8 @@ class _Ways:
         body = self.of_part[name].body
         switch_terminals = self._terminals(self.mounts[SERVO_SWITCH])
         terminal_block = self._mouth(wing, wing.terminal_block)
-        # The leads must be long enough for the battery in its place, and for the lifted battery.
+        # The battery is lifted out, with its leads on, when its cells are changed. So the leads must be long enough for
+        # the battery in its place and for the lifted battery.
         starts = (end.middle, end.middle + np.array((0.0, 0.0, self._battery_lift_mm())))
         plus_way = max(self.way(start, switch_terminals, body, parts.switch.name) for start in starts)
         minus_way = max(self.way(start, terminal_block, body, wing.name) for start in starts)
@@ -247,7 +249,12 @@ class _Ways:
                 yield self._lead(wire.a, wire.b, "wire", way, joints_mm + start.free_mm)
 
     def _control_start(self, terminal: str) -> WireStart:
-        """Return where the wire at a terminal starts: ``button 1``, ``20 kΩ resistor`` or a pin, ``Feather 27``."""
+        """Return where the wire at a terminal starts.
+
+        A terminal is a contact of a switch, such as ``button 1``, a resistor, such as ``20 kΩ resistor``, or a pin of
+        the Feather, such as ``Feather 27``. ``free_mm`` of the result is the additional length that is needed while the
+        car is assembled.
+        """
         part, _, pin = terminal.rpartition(" ")
         feather = self.of_part[self.parts.feather.name]
         if part in (BOARD_SWITCH, BUTTON):

@@ -168,7 +168,7 @@ def _free_floor_mm(design: Design, module: int, step: int) -> float:
         neighbour += step
     cap = _cap_name(design, module, "front" if step < 0 else "rear")
     tab_mm, gap_mm = design.parts.assembly.cap_tab_mm.value, design.parts.assembly.part_gap_mm.value
-    # Parts keep a gap to the switches, but not to the tab.
+    # A part must keep a gap to the switches. It may touch the tab.
     taken_by_cap_mm = max(tab_mm, _depth_behind_mm(design, cap) + gap_mm)
     return free_mm - taken_by_cap_mm
 
@@ -187,7 +187,9 @@ def _reach_mm(design: Design, wheel_module: int, step: int) -> float:
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     """Return the range of x (mm from the rear of the module) in which a USB plug does not touch the tyres beside it.
 
-    Seen from the side, plug and tyre are circles, which must be a gap apart.
+    Seen from the side, plug and tyre are circles with a gap between them, so their centres must be at least ``reach``
+    apart. The plug is higher than the axles by ``usb_offset_mm``. The horizontal offset from an axle is the other leg
+    of a right triangle. An end is at FAR_MM if no tyre limits it.
     """
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value

@@ -32,8 +32,9 @@ _module_files: set[Path] = set()
 
 
 def load_components(file: Path) -> list[str]:
-    """Register the modules that the file defines and return their letters. Remember the files that identify them.
+    """Register the modules of a car that the file defines, and return their letters.
 
+    Also remember which files the modules were made from. The contents of these files identify cars with such modules.
     Raises FoldcarError if the file fails or defines no module.
     """
     path = file.resolve()
@@ -91,7 +92,11 @@ def _module_classes(module: ModuleType) -> list[Any]:
 
 
 def _identifying_files(path: Path, recorded: RecordedFiles) -> set[Path]:
-    """Return the files and folders on which the modules in the file ``path`` depend, so that their change is noticed."""
+    """Return the files and folders on which the modules in the file ``path`` depend, so that their change is noticed.
+
+    ``recorded`` has the files that were read, and the folders that were listed, while the file was executed. Only files
+    that can belong to the user's modules are returned, not those of Python's library, for example.
+    """
     folder = path.parent
     files = {path}
     for file, state in recorded.read.items():
@@ -254,8 +259,9 @@ def _new_files(recorded: RecordedFiles) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iterator[None]:
-    """Convert exceptions of components within the block to the exception that ``refusal(key, message)`` returns.
+    """Within the block, replace exceptions of components by the exception that ``refusal(key, message)`` returns.
 
+    A component is a part of a car, which a user may have programmed. ``refusal`` is often a class of exceptions.
     ``key`` is the key of the wrong parameter, or None. If a user's component raised the exception, the message has its
     file and line. Other exceptions of foldcar's own code are not converted.
     """

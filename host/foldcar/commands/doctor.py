@@ -232,7 +232,9 @@ def _duration_s(carsim: "Carsim", runs: int) -> float:
 
 
 def _reversed_servos() -> Iterator[DoctorFinding]:
-    """Yield a finding for each car on USB whose user has reversed servos, against the directions of its design.
+    """Yield a finding for each car on USB with reversed servos.
+
+    The car's design says in which direction each servo turns its wheel. The user can reverse it in the car's parameters.
 
     Ports without a car, and cars that another program uses, are left out.
     """

@@ -150,7 +150,8 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
 def _estimate_lines(estimate: "SweepEstimate", up_to_realities: bool) -> list[str]:
     """Return the lines on an experiment: its designs and runs, the time to fold its cars, and cars that are refused.
 
-    ``up_to_realities`` is whether there may be fewer runs in other realities than estimated.
+    Runs in other realities use other values of the simulator's uncertain parameters, such as friction.
+    ``up_to_realities`` is whether there may be fewer of them than estimated.
     """
     from foldcar.statistics.words import count, duration_text
 
@@ -269,7 +270,10 @@ def _success(progress: "Progress") -> str:
 
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
-    """Yield lines on a sweep with a stopping rule: how many designs are decided, the rule, and the undecided designs."""
+    """Yield lines on a sweep with a stopping rule: how many designs are decided, the rule, and the undecided designs.
+
+    A design is decided if its runs satisfy the rule. A design that is undecided needs more runs.
+    """
     from foldcar.statistics.words import count, design_text, listed
 
     own_states = [state for state in states if state.experiment == experiment.id]
@@ -277,7 +281,8 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
     decided_text = f"{len(own_states) - len(undecided)} of {count(len(own_states), 'design')} decided"
     if undecided:
         decided_text += f", {len(undecided)} undecided"
-    run_count, max_runs = sum(state.runs for state in own_states), len(own_states) * experiment.environments
+    run_count = sum(state.runs for state in own_states)
+    max_runs = len(own_states) * experiment.environments
     runs_text = f"{run_count:,} of at most {count(max_runs, 'run')}"
     rejected_count = sum(state.rejected for state in own_states)
     if rejected_count:

@@ -44,7 +44,7 @@ def correct(
 
     outcome, kind = (None if word is None else word.lower() for word in (outcome, kind))
     car_name = None if car is None else checked_name(car, "--car")
-    # The store calls the kind of a car "car".
+    # In the store, the column "car" has the kind of the car, built or simulated. Its name is in the column "car_name".
     new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": kind, "car_name": car_name}
     changes = {column: value for column, value in new_values.items() if value is not None}
     if not changes:

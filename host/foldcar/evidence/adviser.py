@@ -167,10 +167,11 @@ class Adviser:
         return trial_min(self.belief.designs[design_index].mean_time_s)
 
     def _learn(self, drive_step: AdvisedStep | None, measure_step: AdvisedStep | None, gain: float, enough: bool) -> str:
-        """Return the line on what to do to learn most.
+        """Return the line on what to do to learn most about which design is best.
 
         ``drive_step`` is the best step with trials, None if no design works. ``measure_step`` is a measurement to make
-        before it, or None. ``enough`` is whether another afternoon with the expected ``gain`` (0 to 1) is not worth it.
+        before it, or None. An afternoon is the time for AFTERNOON_TRIALS trials, and ``gain`` (0 to 1) is what it is
+        expected to add to the success rate. ``enough`` is True if the gain is so small that no more trials are advised.
         """
         question = "Want to learn most?"
         if enough:

@@ -250,7 +250,10 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
 
 
 def _why_not_comparable(evidence: Evidence) -> str | None:
-    """Return why an experiment's trials cannot be compared with its runs; None if they can."""
+    """Return why an experiment's trials cannot be compared with its runs; None if they can.
+
+    Some experiments are *over realities*: in each run, the simulator's uncertain parameters have other values.
+    """
     info = evidence.info
     if not info.success_defined:
         return "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
@@ -294,8 +297,9 @@ def built_rate(belief: Belief, row: int) -> Rate:
 def _gap(belief: Belief, designs: Sequence[DesignEvidence]) -> Gap:
     """Return the mean gap between simulation and reality over the designs, with its interval.
 
-    A design's gap is its success rate if a further car is built, as the belief expects it, minus its success rate in
-    simulation. The designs must have runs. Designs that are not part of the belief are left out.
+    A design's gap is the success rate of a further car that is built, minus the design's success rate in simulation. The
+    ``belief`` is a probability distribution, learned from runs and trials. Its ``answers.rates`` (draws, designs) are
+    samples of the built cars' rates. The designs must have runs. Designs that are not part of the belief are left out.
     """
     rows = [row for row in map(belief.row_of, designs) if row is not None]
     passed_runs = numpy.array([belief.designs[row].runs_passed for row in rows])

@@ -134,7 +134,9 @@ def read_evidence(store: Store, experiment: str | None = None, simulated_trials:
 
 
 def read_unswept(store: Store, simulated_trials: bool = False) -> dict[str, Evidence]:
-    """Read the evidence of experiments with trials only: one for each experiment and type of car, by its name.
+    """Read the evidence of experiments that have trials but no simulated runs.
+
+    Each experiment and type of car has an evidence of its own, whose key is a name that says so.
 
     ``simulated_trials`` is as in :func:`read_evidence`.
     """
@@ -166,9 +168,10 @@ def no_trial_text(evidence: Evidence, nothing_driven: str) -> str:
 def swept_ids(store: Store) -> set[str]:
     """Return the names of all swept experiments.
 
-    The result has the names in the store and the names in the listing. They differ if an experiment was swept with
-    another engine or in another reality. Runs in random realities are not compared with trials, so the listed name of
-    such an experiment is not in the result.
+    An experiment is swept if its runs were simulated. The result has the experiments' names in the store and in the
+    listing. The two differ if an experiment was swept with another engine of the simulator, or with other values of the
+    simulator's uncertain parameters. If these values were random, the listed name is left out, because the runs are not
+    compared with trials.
     """
     if not store.holds_study():
         return set()
@@ -282,7 +285,8 @@ def _comparable_trials(
 
     Aborted trials are among the chosen ones. Trials in other environments than the runs are left out: ``other_programs``
     has the Scenic program of the environment of each such trial, by the trial's number. ``simulated_trials`` is whether
-    trials of simulated cars are chosen, too.
+    trials of simulated cars are chosen, too. Runs *over realities*, whose simulator's parameters are random, are compared
+    with no trials.
     """
     selected_trials, left_out = select_trials(trials, simulated_trials)
     if info.is_over_realities:

@@ -129,8 +129,8 @@ def trials_driven_otherwise(differences: Iterable[str]) -> list[str]:
 def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:
     """Return remarks on the designs that have trials but no stored runs.
 
-    The reason says why a design cannot be simulated; it is None if the design was simulated now. More than SHOWN designs
-    with the same reason share a remark.
+    The reason of a design says why it cannot be simulated. It is None if the design was simulated just now, to be
+    compared. Each design has a remark, but more than SHOWN designs with the same reason share one.
     """
     designs_by_reason: dict[str | None, list[DesignEvidence]] = {}
     for design, reason in designs_and_reasons:

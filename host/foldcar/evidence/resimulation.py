@@ -130,6 +130,7 @@ class Resimulation:
 
     def _why_not_repeatable(self, info: ExperimentInfo) -> str | None:
         """Return the reason why an experiment's runs cannot be repeated with this simulator, or None if they can."""
+        # ``under`` names the values of the simulator's uncertain parameters, unless the runs have their nominal values.
         if info.under is not None:
             return f"the runs are those of {info.under}"
         if read_drives(self._store, info.id).dynamic:

@@ -35,7 +35,7 @@ def write_comparison(comparison: Comparison, file: Path) -> None:
 
 
 def selection_object(selection: Selection) -> dict[str, Any]:
-    """Return the selection as plain data, with None for unknown values."""
+    """Return the advice on which designs to build as plain data, with None for unknown values."""
     return {
         "experiment": selection.info.id,
         "threshold": selection.threshold,

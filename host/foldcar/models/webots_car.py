@@ -56,7 +56,10 @@ def _block(start: str, lines: Sequence[str], end: str, depth: int) -> str:
 
 
 def _value(value: Any, depth: int) -> str:
-    """Return a field's value as VRML text."""
+    """Return a field's value as VRML text.
+
+    VRML is the language of Webots. ``depth`` is the depth of indentation of a node, or of a list of nodes.
+    """
     match value:
         case Node():
             return node_text(value, depth)
@@ -73,8 +76,11 @@ def _value(value: Any, depth: int) -> str:
             return json.dumps(value, ensure_ascii=False)
         case [Node(), *_]:
             return _block("[", [_value(item, depth + 1) for item in value], "]", depth)
-    separator = ", " if value and isinstance(value[0], Vector) else " "
-    return f"[ {separator.join(_value(item, depth) for item in value)} ]" if value else "[ ]"
+    # What remains are lists of vectors, numbers or texts.
+    if not value:
+        return "[ ]"
+    separator = ", " if isinstance(value[0], Vector) else " "
+    return f"[ {separator.join(_value(item, depth) for item in value)} ]"
 
 
 BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)

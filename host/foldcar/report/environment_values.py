@@ -239,9 +239,10 @@ def _car(variation: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> d
 
 
 def _wheel_values(name: str, value_by_channel: Sequence[float], wheels: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Return the mean of a quantity over a car's wheels, and if there are wheels on both sides, left minus right.
+    """Return the mean of a quantity over a car's wheels, and the mean of its left wheels minus that of its right wheels.
 
-    ``value_by_channel`` has the value of each servo channel.
+    The second value is left out if all wheels are on one side. ``value_by_channel`` has the quantity for each channel
+    of the servos, which says how this built car differs from its design.
     """
     all_values: list[float] = []
     values_by_side: dict[str, list[float]] = {"left": [], "right": []}

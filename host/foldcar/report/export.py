@@ -351,7 +351,10 @@ def _type_of(values: list[Any]) -> Any:
 
 
 def _type_with_float_numbers(arrow_type: Any) -> Any:
-    """Return a type with double for integers and for unknown values, in lists too; None for a type that has no column."""
+    """Return the type of the Parquet column for values of a type of pyarrow, or None if they cannot be in a column.
+
+    Integers and values of an unknown type become floating-point numbers, also in lists.
+    """
     import pyarrow as pa
     from pyarrow import types
 

@@ -90,7 +90,11 @@ def _gaps(designs: NDArray[Any], names: Sequence[str]) -> list[_Gap]:
 
 
 def _rising_ends(effects: Effects, names: Sequence[str]) -> list[str]:
-    """Return sentences on ends of ranges at which success still rises."""
+    """Return a sentence for each end of a parameter's range at which the success rate still rises.
+
+    ``names`` are the parameters of ``effects``, each of which has the mean success rate on a grid of the parameter's
+    values.
+    """
     sentences = []
     for index, name in enumerate(names):
         effect = effects.effect(index)

@@ -182,9 +182,9 @@ def _placed_bands(axis: Axis, bands: Sequence[Band]) -> NDArray[Any]:
 
 
 def _draw_realities(axes: Axes, axis: Axis, designs: DesignColumns) -> None:
-    """Draw a thin curve for each of some realities: the success rate of every design in it.
+    """Draw a thin curve for each of some *realities*, possible values of the simulator's uncertain parameters.
 
-    Nothing is drawn if there is no belief.
+    The curve is the success rate of every design in the reality. Nothing is drawn if no such rates have been learned.
     """
     realities = drawn_realities(designs.evidence)
     if realities is None:

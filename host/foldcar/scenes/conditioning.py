@@ -103,8 +103,9 @@ def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
 def _owner_by_value_id(scenario: Any) -> dict[int, Any]:
     """Return the part of the scene to which each random value belongs. The keys are the values' ids.
 
-    The parts of a scene are the values of its parameters, its objects and its named points, in this order. A parameter or
-    an object that is itself a random value belongs to itself. Any other value belongs to the first part that uses it.
+    The parts of a scene are the values of its parameters, its objects and its named points, in this order. A part that is
+    itself a random value belongs to itself. Any other random value belongs to the first part that uses it. Values that
+    were frozen, that is set to a fixed number, are left out.
     """
     name_by_id = _name_by_id(scenario)
     parts = list(scenario.params.values())

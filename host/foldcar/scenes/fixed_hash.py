@@ -46,7 +46,8 @@ def open_fixed_environment(
 ) -> SceneSource:
     """Compile a Scenic program and return the source of its scenes, as open_environment does.
 
-    Its samples are drawn with Python's hash seed 0: in this process if it has this seed, otherwise in another process.
+    Random samples depend on Python's hash seed, so they are drawn with the hash seed 0. If this process has another hash
+    seed, a second process draws them.
 
     Example: open_fixed_environment(Path("steps.scenic"), {"friction": 0.5}, 42).sample(3)
     """

@@ -59,7 +59,7 @@ def _constructor_with_reasons(kind: Any, scenic_init: Any) -> Any:
 
     @functools.wraps(scenic_init)
     def init(region: Any, *args: Any, **keywords: Any) -> None:
-        """Create a region. Raises InvalidScenarioError if it has no area."""
+        """Create a region of the class ``kind``. Raises InvalidScenarioError, which gives a reason, if it has no area."""
         try:
             scenic_init(region, *args, **keywords)
         except (AssertionError, AttributeError, TypeError, ValueError, GEOSException) as error:

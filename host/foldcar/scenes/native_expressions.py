@@ -82,7 +82,11 @@ class Translator:
         self._turned = not _stands_in_world(scenario.egoObject)
 
     def condition(self, node: Any) -> Terms:
-        """Translate a condition to terms in postfix order. Raises NotNativeError for forms that carsim does not have."""
+        """Translate a condition to terms in postfix order, such as ["speed_m_s", 0.1, ">"].
+
+        The simulator carsim evaluates these terms. A condition that does not change during a run becomes True or False
+        as soon as a sample of the scene is known. Raises NotNativeError for forms that carsim does not have.
+        """
         if self.is_constant(node):
             return [PerSample(lambda sample: [bool(sample.value(node))])]
         match node:

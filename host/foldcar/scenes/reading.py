@@ -78,7 +78,7 @@ def _name(thing: Any) -> str:
 
 
 def outer_step_s(params: Mapping[str, Any], override_s: float | None = None) -> float:
-    """Return the interval (s) at which Scenic looks at a simulation.
+    """Return the interval (s) at which Scenic is called during a simulation, for its behaviors and monitors.
 
     If ``override_s`` is None, it is the program's ``param timestep`` (Scenic's name for it) or, without such a parameter,
     ``param outer_step_s``. Raises UnusableError if it is not a number or beyond the limits.

@@ -43,9 +43,10 @@ class SampledValues:
         self.scene, self.ego, self._names = scene, scene.egoObject, names
 
     def value(self, node: Any) -> Any:
-        """Evaluate an expression that :meth:`Translator.is_constant` has admitted.
+        """Return the value of an expression that :meth:`Translator.is_constant` has found to be constant during a run.
 
-        Raises UnusableError if it cannot be evaluated, or if it is the car or a value whose use would run code.
+        Raises UnusableError if it cannot be evaluated, or if its value is the car, or an object of a class that may have
+        code of its own.
         """
         try:
             value = self._evaluated(node)
@@ -122,7 +123,8 @@ class SampledValues:
     def place(self, node: Any) -> Terms:
         """Return the coordinates x, y, z (m) of a place, as a part of carsim's expression.
 
-        z is relative to the height of the car at the start.
+        The height z is measured from the height at which the car starts. Raises UnusableError if the value is not a
+        place.
         """
         from scenic.core.type_support import toVector
 

@@ -78,9 +78,14 @@ def _hides(block: Mapping[str, Any], ground: Mapping[str, Any]) -> bool:
     ground_area = rectangle({"heading_rad": 0.0, **ground}, reach_m(ground))
     block_area = rectangle(block, reach_m(block))
     shared_m2 = ground_area.intersection(block_area).area
-    half_sizes_m = (reach_m(ground), reach_m(block))
-    smaller_m2 = min(4 * half_length_m * half_width_m for half_length_m, half_width_m in half_sizes_m)
+    smaller_m2 = min(_bounding_area_m2(ground), _bounding_area_m2(block))
     return bool(shared_m2 > MIN_COVERED * smaller_m2)
+
+
+def _bounding_area_m2(piece: Mapping[str, Any]) -> float:
+    """Return the area of the rectangle around a piece of terrain, along its own axes."""
+    half_length_m, half_width_m = reach_m(piece)
+    return 4 * half_length_m * half_width_m
 
 
 def _height_m(ground: Mapping[str, Any]) -> float:

@@ -176,7 +176,10 @@ class SceneSource:
             )
 
     def _rejection_reason(self, k: int) -> str:
-        """Draw sample ``k`` once more, and return Scenic's reason for its rejection, which Scenic only prints."""
+        """Generate the scene of sample ``k`` once more, and return Scenic's reason for rejecting it.
+
+        Scenic only prints the reason, as "… because of REASON". If it prints none, the result says "its requirements".
+        """
         from scenic.core.distributions import RejectionException
 
         output = io.StringIO()

@@ -125,7 +125,7 @@ def _approached_place(condition: ast.AST) -> ast.expr | None:
     if type(smaller).__name__ != "DistanceFromOp" or type(greater).__name__ == "DistanceFromOp":
         return None
     distance: Any = smaller
-    # Without a second end it is the distance from the ego.
+    # The two ends of the distance. If only one is given, the other one is the ego.
     ends = [end for end in (distance.target, distance.base) if end is not None]
     places = [end for end in ends if not (isinstance(end, ast.Name) and end.id == "ego")]
     return places[0] if len(places) == 1 else None

@@ -240,11 +240,12 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             self._move_look_back(limit_s)
 
     def _move_look_back(self, limit_s: float) -> None:
-        """Move the look back to the first of carsim's steps at which the program ends or rejects the run, if any.
+        """Show Scenic the first of carsim's steps at which the program ends or rejects the run, or else the last step.
 
-        carsim has advanced by many steps, and Scenic sees only the state after the last of them. The car is shown to
-        Scenic in the earlier states, one after another. If the program's time limit ``limit_s`` is reached, a condition
-        ends the run or a requirement is violated, Scenic keeps seeing that state and evaluates the program there.
+        The simulator carsim has advanced by many steps, and Scenic sees only the state after the last of them. So this
+        method shows the earlier states to Scenic, one after another. If the program's time limit ``limit_s`` is
+        reached, a condition ends the run or a requirement is violated, Scenic keeps seeing that state and evaluates the
+        program there.
         """
         assert self._state is not None
         last_state, last_outer_steps = self._state, self._outer_steps

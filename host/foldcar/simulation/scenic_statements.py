@@ -127,7 +127,8 @@ def imported_requirements() -> Iterator[None]:
     """Let Scenic evaluate requirements of imported programs within the block.
 
     Scenic evaluates a requirement in the scenario of its program. The scenario of an imported program does not run, so
-    Scenic would fail with an assertion. Within the block it uses the running scenario instead.
+    Scenic would fail with an assertion. Within the block it uses the running scenario instead: Scenic's function
+    ``veneer.executeInRequirement`` is replaced, and put back afterwards.
     """
     evaluate = veneer.executeInRequirement
 

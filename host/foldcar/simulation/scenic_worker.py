@@ -103,10 +103,10 @@ class ScenicWorker:
         return self._copy.ask(request)
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Answer a request for a run. This is called in the copy of the process that belongs to the run's sample.
+        """Answer a request for a run. This is called in a fork of the process that serves one sample of the scene.
 
-        The first call draws the sample. Each run is simulated in a copy of this copy, so that every run starts from the
-        same state.
+        The first call generates the scene of the sample. Each run is simulated in a fork of this fork, so that every run
+        starts from the same state.
         """
         try:
             self._draw(request["sample"])

@@ -155,9 +155,10 @@ def limited_mean(
 def _quantiles_of_mean_crossing_time(crossed: int, sum_times: float, sum_squares: float) -> NDArray[Any]:
     """Return the quantiles of the mean time of the runs that cross, in the bootstrap of :func:`limited_mean`.
 
-    Times are fractions of the limit. ``crossed`` runs crossed; ``sum_times`` and ``sum_squares`` are the sums of their
-    times and of the squares of their times. The pseudo-run at time 0 adds 1/2 to their number. The result is [0] if the
-    mean time has no variance.
+    Times are fractions of the time limit. ``crossed`` is the number of runs that cross. ``sum_times`` is the sum of
+    their times, and ``sum_squares`` the sum of the squares of their times. The bootstrap adds an invented run with the
+    weight 1/2 that crosses at time 0, so the number of runs is ``crossed`` + 1/2. The result is [0] if the mean time
+    has no variance.
     """
     from scipy.special import betaincinv
 

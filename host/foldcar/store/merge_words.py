@@ -28,7 +28,8 @@ def shown_value(connection: Connection, column: str, value: Any) -> str:
     """Return a value of a column as text for a message.
 
     If the column has the number of a row of another table, this row is shown: a build by its name, another row by the
-    first digits of its hash.
+    first digits of its hash. A column whose name ends with "_id" has such a number. ``unique`` is the column of a table
+    with the name or hash.
     """
     referred_table = BY_NAME.get(column.removesuffix("_id")) if column.endswith("_id") else None
     if value is not None and referred_table is not None and referred_table.unique:

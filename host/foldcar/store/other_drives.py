@@ -97,9 +97,10 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
 
 
 def _limit_difference(trial: Trial, settings: Mapping[str, Any], expected_limit_s: float) -> str | None:
-    """Return a text if the outcome of a trial may depend on its time limit differing from that of the runs, or None.
+    """Return in which way a trial's time limit differs from that of the runs, if this may have changed its outcome.
 
-    ``settings`` are those of the trial, and ``expected_limit_s`` is the time limit of the runs.
+    Return None if it cannot have changed it. ``settings`` are those of the trial, and ``expected_limit_s`` is the time
+    limit of the runs.
     """
     outcome, elapsed_s = trial.outcome, trial.elapsed_time_s
     limit_s = settings.get(TIME_LIMIT, expected_limit_s)

@@ -54,7 +54,11 @@ def read_drives(store: Store, experiment: str) -> StoredDrives:
 
 
 def _read_drives(store: Store, experiment: str) -> StoredDrives:
-    """Read the inputs of the runs of ``experiment`` from the tables."""
+    """Read the inputs of the runs of ``experiment`` from the tables: of its designs and of its samples.
+
+    A run simulates one design in one sample. The sample has a scene, and a variation: how the built car differs from its
+    design.
+    """
     row = store.row(EXPERIMENT, id=experiment)
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
     environment = store.row(BY_NAME["environment"], id=row["environment_id"])

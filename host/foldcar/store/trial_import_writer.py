@@ -66,7 +66,7 @@ class TrialImportWriter(StoreConnection):
         """Store an imported trial with its corrections, and return its number.
 
         ``origin`` has the environment and the program of the trial's experiment. A trial that names no environment or no
-        program gets these. Without a sample it gets no environment.
+        program gets these. A trial without a sample was driven in an unknown scene, so it gets no environment.
         """
         defaults = {
             "deviations": "{}",

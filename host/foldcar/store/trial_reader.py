@@ -21,7 +21,7 @@ class TrialReader(Snapshot):
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
         """Yield all trials, also withdrawn and aborted ones, of all experiments or of one, in the order of numbers."""
         correction_counts = Counter(row["trial_id"] for row in self.rows(CORRECTION))
-        # ?1 is the first parameter of the condition: all rows meet it if that is None.
+        # ?1 stands for ``experiment``. If this is None, the condition is true for all rows.
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
             values = {
                 **row,

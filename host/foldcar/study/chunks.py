@@ -125,7 +125,10 @@ class ChunkPool(Generic[R]):
 
     @contextlib.contextmanager
     def using(self, runner: Runner) -> Iterator[None]:
-        """Give runs that are added in the block to ``runner``. Chunks may run on after it: see :meth:`finish`."""
+        """Simulate the runs that are added within the block with ``runner``.
+
+        Runs are simulated in chunks. Some chunks may still be running at the end of the block: see :meth:`finish`.
+        """
         if runner is not self._runner:
             if self._chunk:
                 self._submit()

@@ -162,7 +162,8 @@ def _seconds_of_a_run(
 
     # The time of the start and of a single run. The shorter of two times is less disturbed by other processes.
     start_and_one_run_s = min(timed(requests[:1]), timed(requests[:1]))
-    # A short measurement would be lost in the noise of the start, so the runs are repeated until they take long enough.
+    # The time of the start varies. To measure the time of a run well, the runs must take much longer than that, so they
+    # are repeated more and more often.
     probes = list(requests) * 2
     further_runs_s = timed(probes) - start_and_one_run_s
     while further_runs_s < PROBES_S and len(probes) < MAX_PROBES:

@@ -161,7 +161,10 @@ class ExperimentEnvironment:
             yield runner
 
     def _open(self) -> SceneSource:
-        """Return the source of scenes; compile the program at the first call."""
+        """Return the source of scenes; compile the program at the first call.
+
+        The program's files are those that an earlier sweep has stored, if they have not changed.
+        """
         if self._source is None:
             experiment = self._experiment
             self._source = open_fixed_environment(

@@ -90,14 +90,18 @@ class StoredSamples:
         self._program_is_checked = False
 
     def store_up_to(self, sample: int) -> None:
-        """Store all missing samples up to and including ``sample``. Raises FoldcarError if the program has an error."""
+        """Store all missing samples up to and including ``sample``: their scenes, and their variations.
+
+        The *variation* of a sample is how its built car differs from its design. Raises FoldcarError if the program has
+        an error.
+        """
         for number in range(self._next_scene, sample + 1):
             if number not in self._stored_scenes:
                 self._check_program()
                 scene, objects = self._environment.sample_with_parameters(number)
                 self._writer.put_sample(self._environment_id, number, scene, self._dynamic, objects)
             self._next_scene = number + 1
-        # Experiments may share variations but not scenes, so the store can have more of one kind than of the other.
+        # Another experiment may have stored variations that both use, so there can be more variations than scenes.
         for number in range(self._next_variation, sample + 1):
             if number not in self._stored_variations:
                 variation = self._environment.variation(number)

@@ -282,9 +282,10 @@ def _column(key: str) -> str:
 
 
 def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
-    """Return the family of a listed vehicle: resolve its type, parts and parameters.
+    """Return the family of a vehicle in a listing: all designs with the listed values of its parameters.
 
-    Raises ListingError with all mistakes, each with its place in ``file``.
+    ``vehicle.type`` names the modules and parts of the car, such as ``W_B_W+cells=nimh``. Raises ListingError with all
+    mistakes, each with its place in ``file``.
     """
     place = f"vehicles.{vehicle_id}"
     try:
@@ -305,7 +306,7 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
 def _listed_parts(vehicle: ListedVehicle, place: str) -> tuple[str, PartChoices, list[str]]:
     """Return a vehicle's type without parts, its parts, and the mistakes in them.
 
-    Parts are listed in the type, as in ``W_B_W-nimh``, or under ``parts``.
+    Parts are listed in the type, as in ``W_B_W+cells=nimh``, or under ``parts``.
     """
     composition, parts = vehicle.type, DEFAULT_CHOICES
     mistakes = []

@@ -66,13 +66,16 @@ def draw_runs(seed: int, numbers: range, designs: int, samples: int) -> Drawn:
 
 
 def draw_sample_scores(seed: int, sample: int, priors: Mapping[int, ScorePrior]) -> FloatArray:
-    """Draw the reality in which a search simulates a sample, and return its scores (parameters,).
+    """Draw the reality in which a search for the best design simulates a sample, and return its scores (parameters,).
 
-    A score has a standard normal prior, unless ``priors`` has another one for the parameter's index.
+    A *reality* is a set of values of the simulator's uncertain parameters, such as friction. A score is such a value as
+    a number of standard deviations from the median. A score has a standard normal prior, unless ``priors`` has another
+    one for the parameter's index.
 
     Example: ``draw_sample_scores(1, 0, built_priors("W_B_W", from_sheets=True))``
     """
-    # With the same seed, a search draws other random numbers than a sweep.
+    # SAMPLE_STREAM makes the random numbers other ones than those that a sweep draws with the same seed. Each sample
+    # has its own part of the sequence.
     generator = np.random.PCG64([seed, SAMPLE_STREAM])
     generator.advance(sample * len(NAMES))
     scores = ndtri(_uniform(generator, 1, len(NAMES))[0])

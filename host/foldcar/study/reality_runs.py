@@ -305,7 +305,8 @@ class RealitySimulation:
     def error(self) -> float | None:
         """Return how far the learned success rates are probably from the true ones, 0 to 1; None if this is unknown.
 
-        The rates are learned from the stored runs in other realities.
+        The rates are learned from the stored runs in *other realities*, in which the simulator's uncertain parameters
+        have other values than the nominal ones.
         """
         experiment = self.experiment
         rows = self.writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment.id)

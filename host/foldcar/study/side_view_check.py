@@ -52,7 +52,10 @@ def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Experi
 def _sampled_inputs(
     carsim: Carsim, experiment: Experiment, environment: ExperimentEnvironment
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Return the bodies of about DESIGNS designs, narrowest track first, and the scenes of the first SAMPLES samples."""
+    """Return the bodies of some designs, narrowest track first, and the scenes of the first SAMPLES samples.
+
+    The designs are about DESIGNS designs at equal steps of the experiment's family.
+    """
     table = carsim.parameter_table()
     every_nth = max(1, len(experiment.family) // DESIGNS)
     bodies: list[Mapping[str, Any]] = []

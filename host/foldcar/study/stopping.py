@@ -44,7 +44,9 @@ class DesignState:
 def stopping_rules(until: str, study: ListedStudy) -> dict[str, StoppingRule]:
     """Parse ``--until`` to the stopping rule of each experiment, by id. Raises FoldcarError.
 
-    ``decided`` stands for the experiment's thresholds, ``5pp`` for a half-width of 5 percentage points.
+    A stopping rule says when the success rate of a design is known well enough. ``decided`` means: as soon as its
+    interval lies above or below each of the experiment's thresholds. ``5pp`` means: as soon as the half-width of the
+    interval is 5 percentage points.
     """
     if until == "decided":
         for experiment in study.experiments:
@@ -157,7 +159,7 @@ class Schedule:
         return [self._batch(design) for design in numpy.flatnonzero(~self.closed).tolist()]
 
     def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
-        """Record the results of ``batches``, and decide which designs are closed.
+        """Record the results of ``batches``, and decide which designs are closed, which means that they get no more runs.
 
         ``counts`` has, for each design of the batches, how many of its new runs passed and how many were not rejected.
         """
@@ -168,7 +170,7 @@ class Schedule:
             self.counted[design] += counted
             self.runs[design] = batch.samples.stop
         self.decided = self._rule.decided(self.passed, self.counted)
-        # A design is closed only when all its stored runs are counted, even if fewer have decided it.
+        # A design is closed only when all its stored runs are counted, even if some of them already satisfy the rule.
         for design in {batch.design for batch in batches}:
             has_counted_stored = self.runs[design] >= self._stored_samples[design]
             self.closed[design] = has_counted_stored and self._needs_no_runs(design)

@@ -49,17 +49,18 @@ def car_restarted(car: ConnectedCar) -> DriveEnd:
 def car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
     """Return how a drive ended that the car itself has ended. ``message`` is the car's FOLDCAR_TRIAL that says so.
 
-    The car stops with a fault if this program stands still. Then messages and keys wait until it goes on. The outcome of
-    the simulator or a key may be among them, and came before the fault. So these are examined before the fault.
+    If this program is suspended for a while, the car stops with a fault, because it hears nothing. Meanwhile, messages
+    and pressed keys wait. Among them may be the outcome of a simulated car's drive, or the key with which a person
+    ended the drive. Both came before the fault, so they decide how the drive ended.
     """
     elapsed_s = message.elapsed_ms / 1000
     if message.end == car.dialect.FOLDCAR_END_TIME_LIMIT:
         return DriveEnd("time limit", "timeout", elapsed_s)
     if message.end != car.dialect.FOLDCAR_END_FAULT:
         return DriveEnd("stopped by another host", None, elapsed_s)
-    truth = _next_truth(car, message.trial_id)
-    if truth is not None and truth.outcome:
-        return simulated_outcome(car, truth)
+    true_state = _next_truth(car, message.trial_id)
+    if true_state is not None and true_state.outcome:
+        return simulated_outcome(car, true_state)
     ending = view.wants_stop()
     if ending is not None:
         return DriveEnd(ending, None, elapsed_s)
@@ -70,7 +71,7 @@ def car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
 
 
 def _next_truth(car: ConnectedCar, trial: int) -> Any | None:
-    """Wait for the next FOLDCAR_TRUTH of a trial, which has the true state of a simulated car.
+    """Wait for the next message FOLDCAR_TRUTH of a trial, and return it. It has the true state of a simulated car.
 
     Return None if a built car drives, which sends no such messages.
     """

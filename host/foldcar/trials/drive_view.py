@@ -37,6 +37,7 @@ class DriveView:
     """
 
     def __init__(self, countdown_s: int, time_limit_s: float, other_input: int | None) -> None:
+        # The descriptor of a further input whose data end the waiting for messages, or None.
         self.other_input = other_input
         # Whether the person has said that the car has passed.
         self.passed = False

@@ -43,6 +43,7 @@ def drive_with_log(
     print_line(f"{begins} {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
     try:
         with contextlib.closing(TlogWriter(log)) as log_writer:
+            # Handle all messages that have arrived before, so that the log begins now.
             car.connection.catch_up()
             car.connection.log = log_writer
             # The answers to these requests put the car's identity and settings into the log.
@@ -53,6 +54,7 @@ def drive_with_log(
             with answers.keys() as pressed, view.watching(car, pressed):
                 end = drive(car, settings, trial, options.countdown_s, view, options.untethered, options.button)
                 end = replace(end, later_faults=_acknowledge_later_faults(car, end))
+            # The person has pressed the key that says that the car has passed.
             if view.passed and end.outcome is None:
                 end = replace(end, outcome="passed")
             return end

@@ -106,7 +106,8 @@ class Arrivals:
             if self.is_growing(file):
                 continue
             self._known.add(file)
-            # A file belongs to the last trial that had begun when the file was changed.
+            # A file belongs to the last trial that had begun when the file was changed. ``_begun`` has pairs: the time
+            # at which a trial began, and its number.
             trials_before = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
             # A file may be older than the session: a camera has set its time when it recorded it, and the person has
             # copied it into the folder now. So it belongs to the last trial.

@@ -93,18 +93,18 @@ class Work(NamedTuple):
 
 
 def _work(before: Arrangement | None, after: Arrangement) -> Work:
-    """Return the work of changing one arrangement into another one.
+    """Return the work of changing one arrangement of obstacles into another one.
 
-    There is none if ``before`` is None: from an unknown arrangement, all samples are equal. Obstacles that are put down
-    or taken away have no distance.
+    An arrangement has the obstacles by their letters. If ``before`` is None, the arrangement is not known, and the work
+    is 0. The distance has no part for obstacles that are put down or taken away.
     """
     if before is None:
         return Work(moved_count=0, distance_m=0.0)
     moved_count, distance_m = 0, 0.0
     for letter in {**before, **after}:
         old, new = before.get(letter), after.get(letter)
-        stays = _move_text(old, new) == ""
-        if stays:
+        stays_in_place = _move_text(old, new) == ""
+        if stays_in_place:
             continue
         moved_count += 1
         if old is not None and new is not None:

@@ -291,7 +291,12 @@ class Session:
     def _store_beginning(
         self, writer: TrialWriter, checked_car: CheckedCar, inputs: Drive, deviations: Deviations, log: Path
     ) -> int:
-        """Store a trial before the car is armed, and return its number."""
+        """Store a trial before the car is armed, and return its number.
+
+        ``deviations`` are the obstacles that stand elsewhere than planned. If there are any, the planned scene is
+        stored too: with it, foldcar can recognise the trial's environment even if the program changes later. This is
+        not done for a dynamic program, which runs beside the simulation.
+        """
         design, identity, options = checked_car.design, checked_car.identity, self._options
         if deviations and not self._environment.dynamic:
             planned_scene, objects = self._environment.sample_with_parameters(inputs.sample)

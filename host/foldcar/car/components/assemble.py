@@ -193,9 +193,10 @@ class _Pieces:
         return Piece(name, label=name, faces=tuple(faces), creases=tuple(creases), thickness_mm=root.thickness_mm)
 
     def _creases(self, sheet: dict[str, Pose]) -> list[Crease]:
-        """Return the creases between the fused faces of a sheet, ordered as their child faces are in the sheet.
+        """Return the creases between the faces of one piece of film, ordered as their child faces are in ``sheet``.
 
-        A sheet has parents before children, so each crease leads from an earlier face, its parent, to a later one.
+        ``sheet`` has the poses of the faces by their paths. Faces form a tree: a parent precedes its children, so each
+        crease leads from an earlier face, its parent, to a later one.
         """
         position = {path: number for number, path in enumerate(sheet)}
         crease_by_child: dict[str, Crease] = {}
@@ -330,9 +331,10 @@ class _Pieces:
             )
 
     def _seam_of_contact(self, contact: Contact) -> object:
-        """Return what identifies the seam of a contact between fused faces.
+        """Return a value that identifies the seam of a contact between two faces.
 
-        Contacts with equal results are one seam, and get the same number in print.
+        A *seam* consists of one or more contacts that have the same number on the printed pieces. Contacts with equal
+        results are one seam, and get the same number in print.
         """
         if self.fused[contact.a.face].face.role == "rim":
             # All hooks between a strip of the rim and a disc are one seam.

@@ -183,8 +183,8 @@ class BoxBeam(Component):
     def _notch(self, end: str, front_x: float, lid_width: float) -> dict[str, Point]:
         """Return the points of a notch in the lid's right edge, from its front side at ``front_x`` (mm) to its rear side.
 
-        A notch is as deep as its lever needs, and deeper if the pull tab is in it, too. The pull tab grows from the
-        middle of the notch's bottom, the edge ``END grip``.
+        The notch makes room for a lever, which fingers press, and is deeper if it also has a pull tab. This grows from
+        ``END grip``, the middle edge of the notch's bottom. x points forward and y to the right.
         """
         assembly = self.parts.assembly
         length, depth = latch_notch(self.parts)
@@ -219,7 +219,7 @@ class BoxBeam(Component):
         shape.face("flap", corners)
 
     def _front_end_of_flap(self, fold_front_x: float) -> dict[str, Point]:
-        """Return the corners from the front end of the flap's fold, down to the lower edge, and past the latch there."""
+        """Return the flap's corners (x forward, y down) from its fold's front end past the latch to the lower edge."""
         depth, gap = self.parts.assembly.flap_mm.value, self.parts.assembly.grip_gap_mm.value
         corners: dict[str, Point] = {"front": (fold_front_x, 0.0)}
         if not self["latch_front"]:
@@ -235,7 +235,7 @@ class BoxBeam(Component):
         return corners
 
     def _rear_end_of_flap(self) -> dict[str, Point]:
-        """Return the corners from before the rear latch on the lower edge, up to the rear end of the flap's fold."""
+        """Return the flap's corners (x forward, y down) from the lower edge past the latch to its fold's rear end."""
         depth, gap = self.parts.assembly.flap_mm.value, self.parts.assembly.grip_gap_mm.value
         if not self["latch_rear"]:
             return {"rear": (0.0, depth)}
@@ -389,7 +389,7 @@ def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit
         shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", middle, slit_mm, assembly.cable_slit_mm.value)
     if end == "front":
         _mark_front(shape, f"{beam}.floor")
-    # The joins to the beam.
+    # The joins of the cap's edges to the walls of the beam.
     wall_by_edge = FRONT_CAP_WALLS if end == "front" else REAR_CAP_WALLS
     for edge, wall in wall_by_edge.items():
         cap_edge, wall_edge = f"{cap}.cap.{edge}", f"{beam}.{wall}.{end}"

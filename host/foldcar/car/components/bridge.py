@@ -281,10 +281,11 @@ def _put_board(
 ) -> None:  # fmt: skip
     """Add a board on the face ``on``.
 
-    Two frames matter. The board's frame has its origin in the middle of the board's underside, and z points up;
-    ``under`` is its pose in the frame of the face. ``boxes`` (the components on the board), ``pins`` (which have no mass
-    of their own) and ``clearances`` are given in it. The mount's frame has its origin in the middle of the height, and
-    the solids of the mount are given in that frame. ``holes`` are the names of the holes in the face for its screws.
+    The origin of the board's frame is in the middle of its underside, and z points up. ``under`` is the pose of this
+    frame in that of the face. ``boxes`` are the components on the board, ``pins`` have no mass of their own, and
+    ``clearances`` are the places that must be free for tools: all three are given in the board's frame. ``holes`` are
+    the names of the holes in the face for the board's screws. A board becomes a *mount*, whose frame begins in the
+    middle of its height.
     """
     length, width, height = board.size_mm
     plate_height = board.board_mm.value

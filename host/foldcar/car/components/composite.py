@@ -37,14 +37,13 @@ class Composite(Component):
     def modules(self) -> Iterator[CompositePart]:
         """Yield the modules from front to back, also those of nested composites.
 
-        Raises ComponentError if they form no chain.
+        The *root* is the module that carries the electronics. Raises ComponentError if they form no chain.
         """
         for name in self._order():
             child = self.children[name]
             is_root = name == self.root
             if isinstance(child, Composite):
-                # This composite may name a nested composite as its root. The root of that one then carries the
-                # electronics.
+                # If a nested composite is the root, the root module is the one inside it.
                 for part in child.modules():
                     yield CompositePart(part.module, root=is_root and part.root)
             elif isinstance(child, Module | HingeModule):

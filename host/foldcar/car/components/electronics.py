@@ -78,7 +78,8 @@ class ElectronicsModule(BrainModule):
         """
         parts, assembly, layout = self.parts, self.parts.assembly, self.layout
         film, across = parts.film_mm, wall_distance_mm(self["width"], parts)
-        # The mouth of the USB socket is just inside the left wall, and the boards are to the right of it.
+        # The mouth of the USB socket, into which the plug goes, is just inside the left wall. The boards, which lie on a
+        # bridge over the LiPo battery, are to the right of it.
         socket_mouth_y = across - film / 2 - assembly.usb_inside_mm.value
         boards_y = socket_mouth_y - mouth_mm(parts)
         put_bridge(shape, "beam.floor", layout.boards_x, boards_y, layout.side)
@@ -86,7 +87,7 @@ class ElectronicsModule(BrainModule):
         shape.part(parts.lipo, "beam.floor", lipo_center, turned=True, marked=True)
         self._cut_usb_opening(shape, layout.boards_x)
         self._place_battery(shape, layout, boards_y)
-        # All wires count as one part in the module's middle.
+        # For the mass of the car, all wires are one part in the module's middle.
         wires_center = (self["length"] / 2, across / 2, wall_distance_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires_center)
         shape.graph.wires += power_wires(parts)
@@ -114,7 +115,7 @@ class ElectronicsModule(BrainModule):
             shape.rectangular_hole("beam.left", name, "slit", (slot_x, slots_y), slot_height / 2, slot_height)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
-        """Add the battery and its pad on the floor or on the roof, on the side of the car opposite to the boards.
+        """Add the battery, and the pad that holds it, on the floor or on the roof, opposite to the boards across the car.
 
         The battery is as far from the middle of the car as it must be to balance the boards, or as far as the walls
         allow. ``boards_y`` is y of the boards' middle in the frame of the floor, whose y points to the left.
@@ -125,7 +126,7 @@ class ElectronicsModule(BrainModule):
         # How far to the right of the car's middle the battery balances the boards; negative means to the left.
         to_right_mm = (boards_y - middle_y) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
-            # y of the lid's frame points to the right.
+            # In the lid's frame, y points to the right, so the distance is added. In the floor's frame it is subtracted.
             self._place_on_roof(shape, layout.battery_x, middle_y + to_right_mm)
             return
         battery_across_mm = (battery.length_mm if layout.turned else battery.width_mm).value
@@ -234,8 +235,9 @@ class ElectronicsModule(BrainModule):
     def _min_length_with_roof_mm(self) -> float:
         """Return the minimum length of a module with a battery on its roof (mm).
 
-        In front of the battery there must be room for the hole of its leads, and at each latch for fingers that open it.
-        The battery is in the middle, so twice the room at one end is needed.
+        The lid must have room in front of the battery for the hole through which the battery's leads go in, and at each
+        latch for the fingers that open it. The battery lies in the middle of the module, so the room at one end is
+        counted twice.
         """
         battery_width, assembly = self.parts.battery.width_mm, self.parts.assembly
         # The hole keeps a distance from the battery, and the same distance from the end of the lid.
@@ -296,8 +298,9 @@ class ElectronicsModule(BrainModule):
     def _battery_end_mm(self, battery_mm: float, side: int) -> float:
         """Return the distance along x from the middle of the boards to the far end of the battery beside them (mm).
 
-        ``battery_mm`` is the battery's extent along x. If it is 0, there is no battery on the floor, and the result
-        leads to the end of the bridge. ``side`` is 1 for a battery in front of the boards, and -1 for one behind them.
+        ``battery_mm`` is the battery's extent along x. If it is 0, there is no battery on the floor, and the result is
+        the distance to the end of the bridge, the piece that carries the boards. ``side`` is 1 for a battery in front
+        of the boards, and -1 for one behind them.
         """
         bridge_end_mm = half_length_mm(self.parts) + self.parts.film_mm
         if not battery_mm:
@@ -309,9 +312,9 @@ class ElectronicsModule(BrainModule):
     def _lipo_end_mm(self) -> float:
         """Return the distance along x from the middle of the boards to the end of the LiPo that is away from the battery.
 
-        The LiPo lies under the bridge that carries the boards. It begins at the bridge's flange, which hangs down at the
-        edge towards the battery. It continues below the boards' middle to its far end. It is laid into a printed outline
-        by eye, so there is a gap between flange and LiPo. The distance is in mm.
+        The LiPo lies under the bridge, the folded piece that carries the boards. On the side of the battery, the
+        *flange* of the bridge hangs down. The LiPo reaches from there to beyond the middle of the boards. It is laid
+        into a printed outline by eye, so there is a gap between flange and LiPo. The distance is in mm.
         """
         assembly, lipo = self.parts.assembly, self.parts.lipo.width_mm
         gap_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
@@ -324,6 +327,7 @@ class ElectronicsModule(BrainModule):
     def layout(self) -> Layout:
         """The layout that fits, with the boards nearest to the middle of the module.
 
+        A layout fits if it is not longer than the module: ``missing_mm`` is the length that the module lacks for it.
         Raises ComponentError if none fits.
         """
         layouts = list(self._layouts())

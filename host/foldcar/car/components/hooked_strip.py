@@ -122,9 +122,10 @@ WIDE_MM = 1.2
 def build_rim(shape: Shape, size: WheelSize) -> None:
     """Add the *rim*, the strips of film around a wheel's discs, and join each strip to the strip before and to the discs.
 
-    The facets of strip 0 are the faces ``rim 0 0``, ``rim 0 1`` and so on; the other strips are named alike. The tongue
-    at the start of a strip locks into a slot in the last facet of the strip before. A *tie* is a place at which the rim
-    holds the discs: a facet there has a hook for each disc, which lies in a notch of the disc.
+    The facets of strip 0 are the faces ``rim 0 0``, ``rim 0 1`` and so on; the other strips are named alike. A name
+    with a dot is an edge: ``rim 0 0.inner tip`` is an edge of the face ``rim 0 0``. The tongue at the start of a strip
+    locks into a slot in the last facet of the strip before. A *tie* is a place at which the rim holds the two discs,
+    ``inner`` and ``outer``: a facet there has a hook for each disc, and its tip lies in a notch of the disc.
     """
     facet_count = size.ties * size.facets_per_tie
     for strip in range(size.strips):
@@ -180,8 +181,8 @@ def _add_strip(shape: Shape, size: WheelSize, strip: int, facet_count: int) -> N
         base_mm = _tongue(size).width_mm if number == 0 else 0.0
         outline = facet(size.facet_mm, size.between_mm, hooks, base_mm)
         shape.face(f"rim {strip} {number}", outline, role="rim", piece="wheel rim")
-    # The bends between them. All have the same angle, except the one before the last facet. It is larger, because the end
-    # of the last facet lies below the start of the next strip.
+    # The bends between them. All have the same angle, except the one before the last facet. It is larger, because the
+    # last facet slopes inwards, so that its end lies below the start of the next strip.
     turn_deg = math.degrees(size.turn_rad)
     additional_deg = math.degrees(size.turn_rad - size.slope_rad)
     last = facet_count - 1
@@ -306,8 +307,8 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
 
     The hub is a layer that is glued onto the inner disc, the face ``hub``, with walls that are folded up from its edges,
     the faces ``wall 1`` and so on. Each wall has a hook, and the outer disc, the face ``outer``, gets a slot for each
-    hook. To assemble the wheel, you put the outer disc onto the hooks and turn it. Then the heads of the hooks lie behind
-    the disc's film.
+    hook. A hook is a narrow neck with a wider head. To assemble the wheel, you put the outer disc onto the hooks and turn
+    it. Then the heads lie behind the disc's film.
     """
     shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)

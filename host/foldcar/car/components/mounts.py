@@ -67,10 +67,10 @@ def min_doubler_mm(parts: Catalogue) -> float:
 def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float, height_mm: float) -> str:
     """Mount a servo in an opening of the face ``wall``; return the name of the mounted part.
 
-    x of the wall's frame runs along the wall, and z points into the car. ``axis_mm`` is the point where the axis of the
-    servo's shaft passes the wall. The axis is near one end of the servo: the servo's long side lies towards +x if
-    ``inward`` is 1, and towards -x if it is -1. A second layer of film behind the opening, the face ``NAME.doubler``, is
-    ``height_mm`` high.
+    In the wall's frame, x runs along the wall, and z points into the car. The servo lies in the opening with its depth
+    along z, and is held by its two ears. ``axis_mm`` is the point where the axis of its shaft passes the wall. The axis
+    is near one end of the servo: the servo's long side lies towards +x if ``inward`` is 1, and towards -x if it is -1.
+    A second layer of film behind the opening, the face ``NAME.doubler``, is ``height_mm`` high.
     """
     parts, servo, film = shape.parts, shape.parts.servo, shape.parts.film_mm
     # The opening in the wall around the middle of the servo's body, and the layer behind it with the same opening.
@@ -80,12 +80,12 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
     outline = rectangle_around((0.0, 0.0), doubler_length_mm(parts), height_mm)
     shape.layer(f"{name}.doubler", wall, outline, (x, y), "servo doubler")
     _cut_servo_opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
-    # The servo. The undersides of its ears lie on the wall's outer surface, which is half a film outside of the middle of
-    # the wall. They are at a given height above the servo's bottom. So the bottom is inside the car by this height,
-    # and the middle of the servo's depth half of its depth farther out.
+    # The servo. The undersides of its ears lie on the wall's outer surface, half a film outside of the middle of the
+    # wall, where z is -film / 2. The servo's bottom is inside, as far as the ears are above the bottom. Its middle is
+    # half of its depth away from the bottom, towards the outside.
     middle_z = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - film / 2
-    # In the servo's own frame, its shaft is near the end at -x. If the long side points to -x, half a turn exchanges the
-    # ends.
+    # In the servo's own frame, its shaft is near the end at -x. If its long side lies towards -x of the wall, the servo
+    # is turned by 180°.
     pose = compose(translation(x, y, middle_z), rotation("z", 0.0 if inward > 0 else math.pi))
     size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
     title = shape.path(name)
@@ -137,9 +137,9 @@ def _servo_solids(parts: Catalogue) -> list[Solid]:
 def _cut_servo_opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
     """Cut the opening for a servo into a face, and return the full name of the hole.
 
-    The opening is a rectangle around (x, y) with a round notch for a screw in the middle of each short side. Separate
-    holes for the screws would leave less than 1 mm of film beside the opening, which would tear. In its notch a screw
-    cannot move up, down or away from the servo. The body of the servo keeps it from moving inwards.
+    The opening is a rectangle around (x, y) with a round notch in the middle of each short side. The servo's two screws
+    lie in the notches. Holes of their own would leave less than 1 mm of film beside the opening, which would tear. The
+    notch holds its screw on three sides, and the servo's body is on the fourth.
     """
     servo, assembly = shape.parts.servo, shape.parts.assembly
     clearance, radius = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
@@ -156,7 +156,7 @@ def _cut_servo_opening(shape: Shape, face: str, name: str, x: float, y: float) -
         (half_length, radius),
         (half_length, half_width),
     ]
-    # Half a turn about the middle makes the other short side of it.
+    # The other short side is this one, turned by 180° about the middle.
     opposite_side = [(-from_middle_x, -from_middle_y) for from_middle_x, from_middle_y in side]
     outline = [(x + from_middle_x, y + from_middle_y) for from_middle_x, from_middle_y in (*side, *opposite_side)]
     return shape.polygon_hole(face, name, "opening", outline)
@@ -215,7 +215,7 @@ def _put_switch(shape: Shape, name: str, panel: str, at_mm: Point) -> None:
     """Mount a switch in a slot of the face ``panel``, with its middle at ``at_mm``.
 
     The body of the switch is inside, behind the panel. Its *bezel*, the frame around the rocker, lies on the panel's
-    outer surface.
+    outer surface. A finger must be able to press the rocker.
     """
     switch, film = shape.parts.switch, shape.parts.film_mm
     slot_mm = (switch.slot_length_mm.value, switch.slot_width_mm.value)

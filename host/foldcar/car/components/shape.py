@@ -253,7 +253,7 @@ class Shape:
         self.place(name, on, translation(*at_mm, level * self.parts.film_mm), laminated=True)
 
     def touch(self, kind: JoinKind, a: str, b: str, slot: str | None = None) -> None:
-        """Join two edges, an edge and a face, or two faces, whose poses are known from folds and placements.
+        """Say that two edges, an edge and a face, or two faces are joined. Their poses do not depend on this join.
 
         A ``tuck`` says that edge ``a`` lies loosely inside edge ``b``. In a ``rim``, the neck behind edge ``a`` lies in
         the notch whose bottom is edge ``b``. In a ``laminate``, face ``a`` is glued onto face ``b``. In a ``tab_slot``,

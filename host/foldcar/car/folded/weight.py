@@ -122,7 +122,8 @@ def area_mm2(outline: Sequence[Point]) -> float:
 def plate_properties(placed: PlacedFace, film: Film) -> MassProperties:
     """Return the mass properties of a face as a plate of uniform thickness (SI units, in the frame of the car)."""
     face, thickness_mm = placed.face, placed.piece.thickness_mm
-    # The holes are subtracted from the outline.
+    # The moments of an outline are its area, the first moments, and the second moments. Those of the holes are
+    # subtracted.
     hole_moments = sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area_mm2, first_x, first_y, second_xx, second_yy, second_xy = _moments(face.outline_mm) - hole_moments
     center_x, center_y = first_x / area_mm2, first_y / area_mm2

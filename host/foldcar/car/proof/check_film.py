@@ -127,7 +127,7 @@ def _check_bodies_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterato
 
 
 def _faces_that_may_overlap(roles: Roles, scene: CarSolids) -> Ignored:
-    """Return the pairs of faces, by their titles, that may overlap: glued faces, and faces beside a bend.
+    """Return the pairs of titles of faces that may overlap in the model: glued faces, and the two faces at a bend.
 
     In the car a bend is a curve. In the model it is an edge, at which the plates of the two faces overlap by their
     thickness.
@@ -217,8 +217,9 @@ def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:
         yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
-    # How far the tab's corners are off the height over the other face at which they should be. A lap is modelled in the
-    # plane of its face, a tab one film above it.
+    # How far the tab's corners are off the height over the other face at which they should be. A join of the kind "tab"
+    # has its tab on the other face, so that their middles are a thickness of the film apart. Another join is a lap, which
+    # the model has in the plane of the other face.
     corners_on_face = b.in_face(a.corners_mm)
     if join.kind == "tab":
         expected_mm = (a.piece.thickness_mm + b.piece.thickness_mm) / 2

@@ -91,7 +91,10 @@ class Building:
         return {added.name for step in self.steps if step.unit == unit for added in step.adds}
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
-        """Return the mounts that are not in place yet. A screw follows the last of the parts that it holds."""
+        """Return those of the ``mounts`` that are not in place yet, with the screws that hold them.
+
+        If a screw holds several of them, it comes after the last of these.
+        """
         missing = [mount for mount in mounts if mount.name not in self.parts]
         screws_after: dict[str, list[Mount]] = {}
         for screw in self.roles.car.mounts:
@@ -165,9 +168,9 @@ def _plan_shutting(roles: Roles, building: Building) -> None:
 def _plan_segments(roles: Roles, building: Building) -> None:
     """Add the steps that build the segments, the rigid parts of the car.
 
-    Layers are taped onto the flat *beams*, the boxes of the segments, and their walls are folded up. Servos or rods
-    follow, and a battery on a lid. Then the *caps* close the ends of the beams, and the *connectors*, which belong to the
-    hinges, join the segments.
+    A *beam* is the box of a segment, and a *layer* is a piece that lies flat on another one and makes it thicker. Layers
+    are taped onto the flat beams, whose walls are then folded up. Servos or rods follow, and a battery on a lid. Then the
+    *caps* close the ends of the beams, and the *connectors*, which belong to the hinges, join the segments.
     """
     car = roles.car
     # The beams.
@@ -189,13 +192,13 @@ def _plan_segments(roles: Roles, building: Building) -> None:
     for mount in car.mounts:
         if roles.is_on_lid(mount):
             building.step(f"Put the {mount.name} on the open lid", mounts=building.with_screws([mount]))
-    # Caps and connectors. Pieces that carry boards come later, with the parts inside.
+    # Caps and connectors. Pieces that carry boards are *carriers*. They come later, with the parts inside.
     others = [copy for copy in roles.non_beam_copies() if not roles.is_layer(copy)]
     connectors = [copy for copy in others if roles.is_connector(copy)]
     caps = [copy for copy in others if copy not in connectors and not roles.is_carrier(copy)]
     _plan_taped(roles, building, "Close the ends", caps)
     _plan_taped(roles, building, "Join the segments", connectors)
-    # Layers on no other piece.
+    # Layers whose host, the piece on which they lie, is none of the pieces.
     loose_layers = [copy for copy in roles.non_beam_copies() if roles.is_layer(copy) and roles.host(copy) is None]
     building.step("Glue the other layers on", loose_layers)
 
@@ -213,9 +216,10 @@ def _layers_on(roles: Roles, hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
 def _plan_taped(roles: Roles, building: Building, title: str, pieces: Sequence[PlacedPiece]) -> None:
     """Add the step ``title``, which tapes caps or connectors to the beams, and the steps that prepare it.
 
-    Layers are taped onto flat pieces. So a cap or connector with layers is first made into a *unit* outside the car: its
-    layers are taped on, and the parts are mounted that belong into it, such as switches. The unit is folded when it is
-    put into the car. A piece without layers is put in directly.
+    Layers are pieces that make another piece thicker, and are taped onto it while it is flat. So a cap or connector
+    with layers is first made into a *unit* outside the car: its layers are taped on, and the parts are mounted that
+    belong into it, such as switches. The unit is folded when it is put into the car. A piece without layers is put in
+    directly.
     """
     with_layers = [piece for piece in pieces if _layers_on(roles, [piece])]
     # The steps that make the units.
@@ -224,6 +228,7 @@ def _plan_taped(roles: Roles, building: Building, title: str, pieces: Sequence[P
         layers = _layers_on(roles, [piece])
         building.step(f"Tape the layers onto the flat {piece.piece}", [piece, *layers], unit=unit, flat=True)
         for mount in roles.car.mounts:
+            # The piece to which the part is mounted.
             host = roles.mount_host(mount)
             if host is not None and host.piece is piece:
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
@@ -371,14 +376,19 @@ def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
 
 
 def _plan_opening(roles: Roles) -> list[AssemblyStep]:
-    """Return the step in which fingers open the lids; no step for a car without lids."""
+    """Return the step in which fingers open the lids; no step for a car without lids.
+
+    A lid opens when its creases unfold to the angle 0. Each face that fingers press or hold has *clearances*, the places
+    that must be free for a finger. The step uses all of them.
+    """
     open_folds: dict[str, dict[str, float]] = {}
-    grips: list[ToolUse] = []
+    finger_uses: list[ToolUse] = []
     for name, lid in sorted(roles.lids.items()):
         if lid.creases:
             open_folds[name] = dict.fromkeys(lid.creases, 0.0)
             for face in lid.gripped:
-                grips += [ToolUse(face.name, index, name) for index in range(len(face.clearances))]
+                for clearance_index in range(len(face.clearances)):
+                    finger_uses.append(ToolUse(face.name, clearance_index, name))
     if not open_folds:
         return []
-    return [AssemblyStep(OPEN, open_folds, adds=(), joins=(), tool_uses=tuple(grips))]
+    return [AssemblyStep(OPEN, open_folds, adds=(), joins=(), tool_uses=tuple(finger_uses))]

@@ -175,7 +175,7 @@ class _Prover:
         return vector(b @ a.T @ np.array(move))
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
-        """Close the folds of a step. Add a finding if a face that swings meets its own piece or other parts in place."""
+        """Close the folds of a step. Add a finding if a face hits its own piece or other parts as it swings."""
         names_in_place: set[str] = set()
         for solids_by_part in self.standing.values():
             names_in_place.update(key.name for key in solids_by_part)
@@ -246,7 +246,9 @@ class _Prover:
     ) -> AddedPart:
         """Return the screw with its insertion path, that of its nut, and the parts that its shank passes through.
 
-        A finding is added for each such part that is not ``present`` yet, and for screw or nut if they have no path.
+        ``present`` are the parts that the car has before this step. A finding, which reports an error of the building
+        plan, is added for each part around the shank that is not present yet, and for the screw or nut if it has no
+        path. In the result, ``way_mm`` is the path of the screw and ``nut_mm`` that of the nut.
         """
         name, passed_parts = self._name(added), self.roles.passed_by(screw)
         exit_paths = self._screw_paths(screw, merge_blocks(present.values()))
@@ -287,9 +289,10 @@ class _Prover:
         return ScrewPaths(screw_path, nut_path)
 
     def _nut_path(self, screw: Mount, nut: Blocks, standing: Blocks, along_shank: Vector) -> ExitPath:
-        """Return the path on which a nut comes out of the ``standing`` parts.
+        """Return the path on which a nut comes out of the car, past the ``standing`` parts, which do not move.
 
-        First the nut moves off the shank, in the direction ``along_shank``. Then it may take any path out.
+        First the nut moves straight off the screw's shank, in the direction ``along_shank``. From there it may take any
+        path out. ``moves_mm`` of the result is None if there is no path.
         """
         off_shank_mm = vector(np.array(along_shank) * self.car.parts.tools.nut_room_mm.value)
         obstacle = first_obstacle(nut, standing, off_shank_mm)

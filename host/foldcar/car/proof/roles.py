@@ -85,11 +85,11 @@ class Roles:
             yield from (copy for copy in self.placed(body) if copy is not self.beams[body])
 
     def _host(self, copy: PlacedPiece) -> Host | None:
-        """Return the piece and the face to which a copy of a piece is glued, so that it moves with them.
+        """Return the piece and the face that carry a copy of a piece: it is glued to them and moves with them.
 
-        If it is glued to several, the *beam* of its segment comes first, the piece that carries all others. A layer is
-        carried only by the face that it lies on. A layer carries no other piece. The result is None for a beam, and for a
-        piece that is glued to nothing.
+        If it is glued to several pieces, the *beam* of its segment comes first, the box that carries all others. A
+        *layer* lies flat on the face that carries it, and carries no other piece. The result is None for a beam, and
+        for a piece that is glued to nothing.
         """
         beam = self.beams.get(copy.body)
         if beam is None or copy is beam:

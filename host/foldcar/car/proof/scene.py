@@ -210,8 +210,8 @@ class CarSolids:
     def _build_face(self, name: str, face_name: str) -> Blocks:
         """Return the solids of a face in its own frame, with its holes.
 
-        Two things are left out: the parts of tongues that are in slots, and a strip along each of the face's folds,
-        half a film wide, because the film bends there.
+        ``name`` is the name of the piece. Two things are left out: the parts of tongues that are in slots, and a strip
+        along each of the face's folds, half a film wide, because the film bends there.
         """
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
         shape: shapely.Geometry = polygon(face)

@@ -226,10 +226,10 @@ def _hole_ring(hole: Hole) -> Vector:
 
 
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], EdgeStyle]:
-    """Return how the edges are drawn that two of the ``shown`` faces share, by (face, index of its edge).
+    """Return how the edges are drawn that two of the ``shown`` faces share.
 
-    Such an edge is a fold. Its line is drawn once, with the parent face, so the edge of the child face has no line. A
-    smooth bend has no line at all.
+    The keys are pairs: the name of a face, and the index of an edge in its outline. Such an edge is a fold. Its line is
+    drawn once, with the parent face, so the edge of the child face has no line. A smooth bend has no line at all.
     """
     styles: dict[tuple[str, int], EdgeStyle] = {}
     for crease in piece.creases:

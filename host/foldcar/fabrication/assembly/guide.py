@@ -59,7 +59,10 @@ def guide_page(
     sheets: Sequence[Sheet] = (),
     listed: ListedCar = UNLISTED,
 ) -> str:
-    """Return the page of a car that is cut from these sheets on a machine of that name."""
+    """Return the HTML page that shows how to build a car, which is cut from these sheets on a machine of that name.
+
+    ``listed`` says in which listing and experiment the car is, as far as known.
+    """
     lines = service_lines(folded, service_steps(folded))
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
@@ -74,7 +77,7 @@ def guide_page(
         minutes=minutes,
         parts=folded.parts,
         driver=DRIVER,
-        # One holds the USB cable.
+        # One cable tie holds the USB cable, and one each lead of a servo that is too long.
         ties=count(1 + len(rests_mm(folded)), "cable tie"),
         screws=join_words(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
         wiring=Markup(wiring_drawing(folded, title)),
@@ -82,7 +85,10 @@ def guide_page(
 
 
 def build_steps(folded: FoldedCar, cut: CutCar, machine: str, listed: ListedCar = UNLISTED) -> list[Step]:
-    """Return all steps, from cutting on a machine of that name to a car that has driven a metre."""
+    """Return all steps, from cutting on the ``machine`` to a car that has driven a metre.
+
+    ``listed`` says in which listing of cars and experiment the car is, as far as known.
+    """
     all_steps = [cutting_step(cut, machine), *splice_steps(folded, cut)]
     state = AssemblyState(folded)
     for step, step_operations in operations_by_step(folded):
@@ -90,6 +96,7 @@ def build_steps(folded: FoldedCar, cut: CutCar, machine: str, listed: ListedCar 
             all_steps.append(soldering_step(folded))
         lines = step_lines(step, state)
         state.advance(step)
+        # A unit is assembled outside the car. If the car has several equal units, such as wheels, the step is repeated.
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         all_steps.append(Step(title, lines, step_pictures(step, state, step.title), step_operations))

@@ -171,7 +171,8 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
 def _views(scene: "StepPicture") -> list[tuple[Camera, str]]:
     """Return the cameras and captions of the pictures of a step.
 
-    Each new part is seen from the side that it comes from.
+    Each new part is seen from the side from which it comes. ``scene.outward`` is the direction of a part's outer side, if
+    only this side is to be seen.
     """
     if scene.outward is not None:
         azimuth_deg = 35 if scene.outward[1] > 0 else -35

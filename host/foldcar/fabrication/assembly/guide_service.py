@@ -156,7 +156,8 @@ def _cable_lines() -> Iterator[str]:
 def reached_part(car: FoldedCar, mount: Mount, index: int) -> str:
     """Return the name of what a plug, a finger or a screwdriver reaches at a part.
 
-    ``index`` is the index of the tool's clearance among those of the part. The first one of the Feather is for USB.
+    A part has a clearance, a place that must be free, for each tool that reaches it. ``index`` is the index of the tool's
+    clearance. The Feather has a clearance for USB first, and then one for the plug of the LiPo battery.
     """
     parts, tool = car.parts, mount.clearances[index].tool
     if mount.part == parts.switch.name:

@@ -232,6 +232,7 @@ def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> It
 def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
     """Yield what a person must know about the parts of a step: which way round they go, how they hold, what to check."""
     parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
+    # The side on which the leads, the wires of a battery, come out of it. A lead starts at "BATTERY +", for example.
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:
         side = sides[car.parts.lipo.name]
@@ -267,5 +268,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
         yield (
             f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )
-    if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
+    # A unit is assembled outside the car and then added as a whole, such as a wheel.
+    wheels = {axle.wheel for axle in car.axles}
+    if any(added.kind == "unit" and added.body in wheels for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."

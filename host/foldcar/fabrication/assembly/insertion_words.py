@@ -169,7 +169,10 @@ class _InsertionWords:
         return "tape" if tyre.stretch is None else "band"
 
     def _verb(self, added: AddedPart, on_wheel: bool) -> str:
-        """Return the verb for a part that moves to its place: move, push or put it in or on."""
+        """Return the verb for a part that moves to its place: move, push or put it in or on.
+
+        ``way_mm`` has the straight moves of the part in the car's frame, in which z points up.
+        """
         if len(added.way_mm) > 1:
             # It moves in several directions.
             return "move it in"

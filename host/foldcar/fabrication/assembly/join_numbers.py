@@ -33,8 +33,8 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction
     """
     poses = {name: pose @ face_pose for name, face_pose in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece, fraction)
-    # The places where each number may stand. The key of a number is that of the join, its side of the join and, if the
-    # number is written on every face, the name of the face.
+    # The marks among which one is chosen. The key is the number of the join and the side of the join to which the piece
+    # belongs. If the number is written on every face, the key also has the name of the face.
     candidates_by_key: dict[tuple[int, str, str], list[DrawnText]] = {}
     for join in folded.joins:
         is_written_once = join.kind in ("rim", "laminate")
@@ -48,7 +48,8 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction
             key = (join.number, side, "" if is_written_once else place.face)
             candidates_by_key.setdefault(key, []).append(mark)
     marks: list[DrawnText] = []
-    # Numbers with a single place come first. Of several places, the one farthest from all other numbers is taken.
+    # Numbers with a single place come first. Of several places, the one is taken that is farthest from all numbers so
+    # far.
     for candidates in sorted(candidates_by_key.values(), key=len):
         marks.append(max(candidates, key=lambda mark: round(_min_distance_mm(mark, marks), 3)))
     return marks

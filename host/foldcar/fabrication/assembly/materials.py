@@ -46,8 +46,9 @@ def _tape_row(car: FoldedCar, cut: CutCar | None) -> Row:
 def tape_mm(car: FoldedCar, cut: CutCar | None = None) -> tuple[float, float]:
     """Return the length of tape (mm) that is needed along tabs, and the length that is needed below layers.
 
-    Strips of the narrowest tape, side by side, cover the whole area of a layer. If ``cut`` is given, the tabs at which
-    split pieces are joined are included.
+    A tab joins two edges, and a layer is a piece that is laminated onto the face of another one. Strips of the
+    narrowest tape, side by side, cover the whole area of a layer. If ``cut`` is given, the tabs at which split pieces
+    are joined are included.
     """
     width_mm = car.parts.assembly.tape_width_mm.min_value
     faces = {(piece.name, face.name): face for piece in car.pieces for face in piece.faces}

@@ -165,7 +165,7 @@ def operations_of_sheets(cut: CutCar) -> Operations:
 def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
     """Return the operations that join the parts of pieces that were too large for a sheet.
 
-    The parts are taped together at tabs, which are folded before.
+    ``cut`` is ``car`` with these pieces split. Their parts are taped together at tabs, and the tabs must be folded first.
     """
     unsplit_numbers = {join.number for join in car.joins}
     new_joins = [join for join in cut.car.joins if join.number not in unsplit_numbers]
@@ -174,7 +174,7 @@ def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
         """Return how many folds are made by hand in all copies of these pieces."""
         return sum(piece.count * len(_hand_folds(piece)) for piece in pieces)
 
-    # The number is negative if a piece was split at folds.
+    # A piece that was split at its folds may have fewer folds than before. This change counts as 0.
     extra_folds = max(0, count_folds(cut.car.pieces) - count_folds(car.pieces))
     taped_tabs = sum(repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
     return Operations(fold=extra_folds, tape=taped_tabs)

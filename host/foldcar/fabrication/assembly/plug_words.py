@@ -21,7 +21,8 @@ BUNDLE_MM = 40.0
 def plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     """Yield the instructions for the plugs and wires of a step. Extension cables of servos come first.
 
-    A wire goes from ``a`` to ``b``. The signal of a servo with an extension goes from the extension to the servo.
+    ``a`` and ``b`` are the names of the two ends of a wire. For a servo with an extension cable, the wire for its signal
+    goes from the extension to the servo. A wire ends at the LiPo battery or at a screw terminal, for example.
     """
     wires = plugs_in(car, step)
     part_of_mount = {mount.name: mount.part for mount in car.mounts}

@@ -51,8 +51,9 @@ class SceneShapes:
         """Add the shapes of a car, and return its parts.
 
         A part is ``{"piece", "body", "pose"}``: the index of its shape in ``pieces``, the name of its body, and the 12
-        numbers of its pose. Some faces of a hinge's strip move with another body than the strip itself. The strip then
-        also has ``"beyond"``, which is the name of that body by the number of the face.
+        numbers of its pose. A body is what moves as a whole, such as a segment. The strip of a hinge joins two bodies.
+        Then the part also has ``"beyond"``: for each face that moves with the other body, its number and the body's
+        name.
         """
         pieces, parts = {piece.name: piece for piece in folded.pieces}, []
         for placed in folded.placed:
@@ -161,7 +162,7 @@ def recorded_run(
     heights: Heights,
     message: str,
 ) -> dict[str, Any]:
-    """Return the object from which the script run.js draws a run: the car, the ground, and the path of the car.
+    """Return the data from which the script run.js draws a run: the car, the ground, and the path of the car.
 
     ``body`` and ``scene`` are the inputs of the run, and ``answer`` is its result. ``path`` is a list of states
     (docs/carsim.md). ``message`` says which run it is.

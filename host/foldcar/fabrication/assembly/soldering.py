@@ -52,7 +52,8 @@ class _Resistor:
 def soldering_step(car: FoldedCar) -> Step:
     """Return the step that solders the boards of a car."""
     parts = car.parts
-    # The two places of #OE on the wing: the pad to which a wire can be soldered, and the pin of the chip.
+    # The wing, the upper board, drives the servos. Its input #OE (output enable) switches them off. It is accessible at
+    # two places: the pad to which a wire can be soldered, and the pin of the chip.
     enable_pad_mm, chip_pin_mm = parts.featherwing.output_enable.at_mm
     picture = page_template("foldcar.fabrication.assembly", "boards.svg").render(
         feather=parts.feather,

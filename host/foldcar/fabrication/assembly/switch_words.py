@@ -62,7 +62,10 @@ def _wires_of(car: FoldedCar, switch: str) -> str:
 
 
 def _position_line(car: FoldedCar, switch: str) -> str:
-    """Return how a switch is pressed in, on which side of its cap it lies, and where its ends point."""
+    """Return the instruction for pressing a switch into a *cap*, the piece that closes an end of the car.
+
+    It says on which side of the cap the switch lies, and which of its marked ends, I or O, is on the right.
+    """
     cap = _cap_of(car, switch)
     # The cap has one join of this kind, with the lid. Its number is printed at the cap's upper edge.
     upper_join = next(join.number for join in car.joins if join.kind == "tuck" and cap in (join.piece_a, join.piece_b))

@@ -209,9 +209,8 @@ def _placed(p: Point, pose: Pose, shift: Point) -> Point:
 def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
     """Return a face with its edges and holes in the flat piece; ``place`` maps points of the face there.
 
-    ``corners`` has the points of each corner of the face, as ``offset_edges`` returns them. A corner usually has one
-    point. It has two where two edges in a line were moved by different distances: the end of one edge and the start of
-    the next.
+    ``corners`` has the points of each corner of the face, in order. A corner usually has one point. It has two points
+    where the edges that meet there do not touch: the end of one edge and the start of the next.
     """
     placed_corners = [[place(point) for point in corner] for corner in corners]
     edges = {}
@@ -225,7 +224,7 @@ def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], 
         placed = [place(point) for point in points]
         return tuple(zip(placed, [*placed[1:], placed[0]], strict=True))
 
-    # Holes run clockwise, so that the film is on the left of their edges too.
+    # Holes run clockwise, so that the material is on the left of their edges, as it is for the outline.
     holes = {hole.name: ring(reversed(hole.outline_mm)) for hole in face.holes}
     # The marks of a face are the outlines of parts that are laid onto it.
     laid = {mark.name: ring(mark.outline_mm) for mark in face.marks}

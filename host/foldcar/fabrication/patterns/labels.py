@@ -204,7 +204,8 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
 
     In each face, the places are the points of a grid, those near the face's middle first. The name is tried at all of
     them along the longer side of the face, and then at all of them across. A piece that bends smoothly counts as one
-    face. ``turn`` is the angle (rad) by which the piece is turned on its sheet.
+    face. ``turn`` is the angle (rad) by which the piece is turned on the sheet of film from which it is cut. The text is
+    turned so that it is not upside down on this sheet.
     """
     largest_first = sorted(flat.faces, key=lambda face: -float(face.outline.area))
     outlines = [flat.outline] if flat.bends else [face.outline for face in largest_first[:NAME_FACES]]

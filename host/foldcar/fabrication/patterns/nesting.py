@@ -315,11 +315,14 @@ def _changed_order(order: Sequence[int], rng: random.Random) -> list[int]:
 def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
     """Return two orders of the copies, each a list of indices of ``pieces`` (name, outline, count).
 
-    They are sorted by decreasing area of the bounding box, and by its decreasing longer side.
+    The first order is by decreasing area of the bounding box, the second one by decreasing longer side of this box.
     """
-    boxes = [outline.bounds for _, outline, _ in pieces]
-    sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
-    copies = [index for index, (_, _, count) in enumerate(pieces) for _ in range(count)]
+    sides = []
+    copies: list[int] = []
+    for index, (_, outline, count) in enumerate(pieces):
+        x_min, y_min, x_max, y_max = outline.bounds
+        sides.append((x_max - x_min, y_max - y_min))
+        copies += [index] * count
     return [
         sorted(copies, key=lambda i: (-math.prod(sides[i]), i)),
         sorted(copies, key=lambda i: (-max(sides[i]), i)),

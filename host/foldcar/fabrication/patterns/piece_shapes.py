@@ -55,14 +55,15 @@ def piece_shapes(
 def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
     """Return the cuts of a piece: its outline, openings and slits.
 
-    The cuts of outline and openings are moved by half a kerf into the waste, so that the piece has its nominal size.
+    The kerf is the width of the material that the cutter removes. So the cuts of outline and openings are moved by half
+    of it into the waste. Then the piece has its nominal size.
     """
     half = kerf_mm / 2
     shapes: list[Shape] = [Circle("CUT_INNER", centre, diameter / 2 - half) for centre, diameter in flat.circles]
     shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
     for ring in flat.outline.interiors:
         hole = Polygon(ring).buffer(-half, join_style="mitre", mitre_limit=3) if half else Polygon(ring)
-        # An opening narrower than the kerf vanishes; part of it may remain.
+        # Where an opening is narrower than the kerf, nothing of it is left. The rest may have several parts.
         parts = [part for part in shapely.get_parts(hole) if not part.is_empty]
         shapes += [_path("CUT_INNER", part.exterior.coords[:-1]) for part in parts]
     return [*shapes, _path("CUT_OUTER", outer_cut(flat, kerf_mm).exterior.coords[:-1])]

@@ -143,8 +143,9 @@ LBRN_NO_HANDLES = "c0x1c1x1"
 def lbrn(sheet: Sheet) -> str:
     """Return a LightBurn project with the sheet, as XML text.
 
-    Each layer has a setting for cuts, which the shapes name by its number. Powers and speeds are LightBurn's presets. The
-    output of the QR code is off.
+    A sheet has a layer for each kind of line. LightBurn keeps the settings of the laser for each layer, and every shape
+    has the number of its layer's setting as CutIndex. Powers and speeds are LightBurn's presets. The output of the QR
+    code is off.
     """
     root = ET.Element("LightBurnProject", AppVersion="1.2.01", FormatVersion="1", MaterialHeight="0", MirrorX="False",
                       MirrorY="False")  # fmt: skip

@@ -200,7 +200,8 @@ def pattern(folded: FoldedCar, options: Options, title: str, command: str = "") 
 
 def pattern_of(cut: CutCar, options: Options, title: str, command: str = "") -> Pattern:
     """Return the sheets of a car whose pieces are split already. Raises NestingError if a piece does not fit."""
-    # Film that is narrow gives a warning. Film that is so narrow that it tears is also a finding.
+    # A narrow place in the film of a piece gives a warning. If it is so narrow that the film tears there, the message
+    # is also returned as ``torn``.
     narrow_warnings, torn_findings = [], []
     min_width_mm = math.inf
     for piece in cut.pieces:

@@ -117,9 +117,11 @@ def _best_crease(piece: Piece, options: Options, depth_mm: float) -> Crease | No
 
 
 def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:
-    """Split a piece at a fold: return the part with its root, and the part with the fold's child and its descendants.
+    """Split a piece at a fold, and return its two parts.
 
-    The first part has a tab of that depth (mm) in place of the fold, by which it is taped to the second.
+    The faces of a piece are a tree: each fold, or crease, leads from a parent face to a child face. The first part has
+    the root of the tree. It gets a tab of the given depth (mm), by which it is taped to the second part. The second
+    part has the child of the fold, and all faces that hang on it.
     """
     cut_off = {crease.child.face}
     # Creases of parents precede those of their children.

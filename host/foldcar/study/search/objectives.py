@@ -74,7 +74,8 @@ class Objective:
         """
         assert self.run_loss is not None and self.value is not None
         judged_rows = [row for row in best_rows if row.passed is not None]
-        # The losses of the best design's runs have the sum 0, because its value is the target.
+        # The loss of a run says by how much it misses a target. The target is the value of the best design, so the
+        # losses of this design's runs have the sum 0.
         target = self.value(judged_rows, limit_s)
         best_losses = [self.run_loss(row, limit_s, target) for row in best_rows]
         differences = []

@@ -258,7 +258,12 @@ def batches(environments: int) -> list[range]:
 
 
 def _check_plan(experiment: Experiment, environment: ExperimentEnvironment, plan: Plan) -> None:
-    """Raise FoldcarError if the plan cannot be carried out for the experiment."""
+    """Raise FoldcarError if the plan cannot be carried out for the experiment.
+
+    The objective BUILT is the success rate of built cars. It is averaged over *realities*, possible values of the
+    simulator's uncertain parameters. The objective success is that of *nominal* simulation, with a single value of each
+    parameter.
+    """
     names = [objective.name for objective in plan.objectives]
     if not any(objective.needs_runs for objective in plan.objectives):
         raise FoldcarError(f"--objective sheet-area: needs no simulation; add an objective such as {BUILT}")

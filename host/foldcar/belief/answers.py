@@ -337,10 +337,11 @@ def estimates(values: FloatArray, weights: FloatArray) -> list[Estimate]:
     cumulated_weights = numpy.cumsum(weights[order], axis=0)
     column_estimates = []
     for column in range(values.shape[1]):
-        # The ends of the interval are weighted quantiles.
-        positions = numpy.searchsorted(cumulated_weights[:, column], INTERVAL).clip(max=len(values) - 1)
-        rows = order[positions, column]
-        low, high = values[rows, column]
+        # The ends of the interval are the weighted quantiles at the two probabilities of INTERVAL.
+        positions = numpy.searchsorted(cumulated_weights[:, column], INTERVAL)
+        # Rounding can make the last cumulated weight less than a probability.
+        positions = positions.clip(max=len(values) - 1)
+        low, high = values[order[positions, column], column]
         column_estimates.append(Estimate(float(means[column]), float(low), float(high)))
     return column_estimates
 

@@ -219,7 +219,7 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
 
 
 def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | None = None) -> dict[int, ScorePrior]:
-    """Return the priors of unknown parameters about which more is known in built cars, by the parameter's index.
+    """Return narrower priors of some unknown parameters, for cars that were really built, by the parameter's index.
 
     Three things narrow a prior. If ``vehicle_type`` names the cells of the battery, their voltage is known. If the car
     was built ``from_sheets``, its parts lie where they are drawn, so its centre of mass is known. If the battery's

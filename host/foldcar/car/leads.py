@@ -343,7 +343,10 @@ class _Ways:
         return front_slit, rear_slit
 
     def _max_gap_mm(self, hinge: int, front_slit: Points, rear_slit: Points) -> float:
-        """Return the largest distance of two slits, at the hinge's limits and when it is straight."""
+        """Return the largest distance of two slits beside a hinge: at the limits of the hinge, or when it is straight.
+
+        A slit is given by its middle, an array (x, y, z) in mm.
+        """
         joint = self.car.hinges[hinge]
         gaps = []
         for angle in (joint.min_rad, 0.0, joint.max_rad):

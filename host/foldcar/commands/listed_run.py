@@ -176,9 +176,10 @@ def listed_families(
 ) -> "tuple[Listing, list[Family]]":
     """Return the data of a listing, and a family for each chosen vehicle: all designs of the vehicle.
 
-    ``vehicle`` is the name of the chosen vehicle. If it is None, all vehicles of the listing are chosen, if ``every`` is
-    True; otherwise its only vehicle. ``settings`` (NAME=MM) fix parameters of the families. Raises FoldcarError if the
-    vehicle or a setting does not exist, or if one vehicle is to be chosen and there are several.
+    ``vehicle`` is the name of the chosen vehicle. If it is None and ``every`` is True, all vehicles of the listing are
+    chosen. If ``every`` is False, the listing must have a single vehicle, which is chosen. ``settings`` (NAME=MM) fix
+    parameters of the families. Raises FoldcarError if the vehicle or a setting does not exist, or if the listing has
+    several vehicles where one must be chosen.
     """
     from foldcar.study.family import read_family
     from foldcar.study.listing_file import read_listing

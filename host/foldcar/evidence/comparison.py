@@ -252,7 +252,8 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
 def _why_not_comparable(evidence: Evidence) -> str | None:
     """Return why an experiment's trials cannot be compared with its runs; None if they can.
 
-    Some experiments are *over realities*: in each run, the simulator's uncertain parameters have other values.
+    Some experiments are *over realities*: each run has other random values of what the simulator does not know, such as
+    friction. Their rates are averages, which no trial can test.
     """
     info = evidence.info
     if not info.success_defined:

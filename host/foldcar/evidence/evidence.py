@@ -283,10 +283,10 @@ def _comparable_trials(
 ) -> tuple[list[Trial], list[str]]:
     """Choose the trials that are compared with the runs. Return them, and remarks on them and on those left out.
 
-    Aborted trials are among the chosen ones. Trials in other environments than the runs are left out: ``other_programs``
-    has the Scenic program of the environment of each such trial, by the trial's number. ``simulated_trials`` is whether
-    trials of simulated cars are chosen, too. Runs *over realities*, whose simulator's parameters are random, are compared
-    with no trials.
+    Aborted trials are among the chosen ones. Trials in other environments than the runs are left out. ``other_programs``
+    has an entry for each of these: the trial's number and the Scenic program of its environment. ``simulated_trials`` is
+    whether trials of simulated cars are chosen, too. Runs *over realities*, whose simulator's parameters are random, are
+    compared with no trials.
     """
     selected_trials, left_out = select_trials(trials, simulated_trials)
     if info.is_over_realities:

@@ -22,7 +22,8 @@ def select(
 ) -> list[Selection]:
     """Advise on every swept experiment, or on ``experiment``; an empty list without a sweep.
 
-    ``threshold`` (0 to 1) is the success that a good design reaches; None stands for the listing's highest, or THRESHOLD.
+    ``threshold`` (0 to 1) is the success rate that a good design reaches. If it is None, the highest threshold that the
+    experiment's listing names is used, or THRESHOLD if it names none.
     With ``simulated_trials``, trials of simulated cars count as if built cars had driven them. Raises FoldcarError if the
     store cannot be read or has no such experiment.
     """

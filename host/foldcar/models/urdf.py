@@ -131,7 +131,9 @@ def _add_shape(link: Element, middle: tuple[float, ...], turn_rad: float, grip: 
     for purpose in ("visual", "collision"):
         holder = add(link, purpose)
         add(holder, "origin", xyz=numbers(*middle), rpy=numbers(turn_rad, 0, 0))
-        add(add(holder, "geometry"), shape, size)
+        geometry = add(holder, "geometry")
+        # Element takes attributes as a dictionary.
+        add(geometry, shape, size)
         if purpose == "collision":
             contact = add(holder, "drake:proximity_properties")
             for kind in ("dynamic", "static"):

@@ -38,7 +38,10 @@ def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
 
 
 def _fit(evidence: Evidence, names: Sequence[str]) -> Effects | None:
-    """Fit the smooth model of the parameters ``names`` to the runs; None if this is impossible."""
+    """Fit a smooth model of the success rate as a function of the parameters ``names`` to the runs.
+
+    Returns None if there are too few runs for it.
+    """
     runs = evidence.runs.counted
     has_passed = runs.outcome == OUTCOMES.index("passed")
     parameters = []

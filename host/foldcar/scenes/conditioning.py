@@ -167,7 +167,8 @@ def _label(part: Any, name_by_id: Mapping[int, str]) -> str:
 def _without_noise(thing: Any) -> Any:
     """Return a copy of a sampled object to which Scenic's `mutate` does not add noise."""
     noiseless = copy.copy(thing)
-    # An object of Scenic passes an ordinary assignment on to its proxy, and the proxy of the copy is still the original.
+    # `noiseless.x = value` would change the original, because an object of Scenic passes it on to its proxy, and the copy
+    # still has the original as its proxy.
     set_attribute = object.__setattr__
     if isinstance(thing, Object):
         # Outside of simulations, each object is its own proxy.

@@ -114,7 +114,11 @@ def refuse_misspelt_parameters(names: Iterable[str], caller: FrameType) -> None:
 def _refuse_misspelt(
     error: type[Exception], message: str, name: str, known_names: Iterable[str], caller: FrameType
 ) -> None:
-    """Raise ``error`` if a name is unknown but resembles a known one, and the program does not read it itself."""
+    """Raise ``error`` if a name is unknown but resembles a known one.
+
+    The program may have chosen such a name on purpose. Then it uses the name in another place, too, and this raises
+    nothing.
+    """
     if name in known_names:
         return
     similar_names = difflib.get_close_matches(name, known_names, n=1, cutoff=SIMILARITY)

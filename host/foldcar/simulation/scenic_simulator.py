@@ -240,7 +240,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             self._move_look_back(limit_s)
 
     def _move_look_back(self, limit_s: float) -> None:
-        """Show Scenic the first of carsim's steps at which the program ends or rejects the run, or else the last step.
+        """Let Scenic see the state at which the program ends or rejects the run, or else the last state.
 
         The simulator carsim has advanced by many steps, and Scenic sees only the state after the last of them. So this
         method shows the earlier states to Scenic, one after another. If the program's time limit ``limit_s`` is

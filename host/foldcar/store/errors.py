@@ -24,7 +24,8 @@ def store_errors(path: Path, prefix: str = "") -> Iterator[None]:
         # Python 3.10 does not provide the error's code, so the message is searched.
         if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
             raise StoreError(f"{path}: is locked by another program; close that program and try again") from error
-        # SQLite must write a file beside a store whose last writer was stopped, before the store can be read.
+        # If a program was stopped while it wrote to the store, SQLite must write a file beside the store before anybody
+        # can read it.
         if isinstance(error, sqlite3.OperationalError) and "unable to open" in str(error):
             raise StoreError(
                 f"{path}: cannot be opened; if its folder cannot be written to, copy the store, together with the file "

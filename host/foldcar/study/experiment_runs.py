@@ -162,8 +162,8 @@ class ExperimentRuns:
         The rule closes a design if its runs have decided whether it is good, or if more runs are unlikely to decide it.
         """
         plan, counts = self.plan, self.counts
-        # The counts are of all experiments of the sweep, so those of earlier experiments stay in them.
-        earlier_total, earlier_decided = counts.total, counts.decided
+        # The counts are those of the whole sweep, with the experiments that were simulated before this one.
+        total_if_none_is_closed, decided_before = counts.total, counts.decided
         stored_samples = self.writer.design_counts(plan.id).reached
         schedule = Schedule(rule, plan.environments, stored_samples)
         while batches := schedule.next():
@@ -175,8 +175,8 @@ class ExperimentRuns:
                 design: self.writer.run_counts(plan, design, samples) for design, samples in samples_by_design.items()
             }
             schedule.record(results, batches)
-            counts.total = earlier_total - schedule.runs_not_needed()
-            counts.decided = earlier_decided + schedule.decided_designs()
+            counts.total = total_if_none_is_closed - schedule.runs_not_needed()
+            counts.decided = decided_before + schedule.decided_designs()
             self.report(counts)
         self.writer.end_experiment(plan, int(schedule.runs.sum()))
 

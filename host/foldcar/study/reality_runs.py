@@ -321,7 +321,11 @@ class RealitySimulation:
         return learning_error(runs, designs, experiment.variation, counts)
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
-        """Return what the simulator needs for these runs: stored bodies, scenes and settings, and drawn realities."""
+        """Return what the simulator needs for these runs.
+
+        Bodies, scenes and settings are in the store. The realities, which say how car and ground differ from these, are
+        drawn here from the runs' scores.
+        """
         variation, seed = self.experiment.variation, self.experiment.variation_seed
         values_of_runs = values_of(np.array([run.scores for run in runs]))
         realities = []

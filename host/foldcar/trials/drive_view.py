@@ -148,7 +148,7 @@ class DriveView:
             table.add_row("battery", f"{status.voltage_battery / 1000:.2f} V")
         packet_count = link.received + link.lost
         lost = percent(link.lost / packet_count if packet_count else 0, 1)
-        loss_text = f"{lost} of {link.received} packets lost, {link.damaged} damaged"
+        loss_text = f"{lost} of {packet_count} packets lost, {link.damaged} damaged"
         table.add_row("link", f"{loss_text}, silent for {link.silence_s():.1f} s")
         return Group(self._headline(car, remaining_s), Text("p: it has passed   s, space: stop"), table)
 

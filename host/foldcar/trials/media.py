@@ -66,8 +66,8 @@ class Arrivals:
     def is_growing(self, file: Path) -> bool:
         """Return whether the file was changed in the last SETTLED_S.
 
-        A camera with a wrong clock may give a file a time in the future. Such a file is growing if its size or time has
-        changed since it was looked at before.
+        A camera with a wrong clock may give a file a time in the future. Such a file is observed instead: it is growing
+        until its size and time have stayed the same for SETTLED_S.
         """
         age_s = time.time() - _changed_s(file)
         if age_s >= 0:

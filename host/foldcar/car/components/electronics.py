@@ -212,8 +212,10 @@ class ElectronicsModule(BrainModule):
         above the middle of the lid's film, and z points down. ``hole`` is the point where the leads pass.
         """
         wire_mm, film = self.parts.wiring.wire_diameter_mm.value, self.parts.film_mm
+        # Larger z is lower. The cylinder reaches from above the lid to below it.
         lid_top_z = height - film / 2
-        leads = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, *hole)
+        lid_underside_z = lid_top_z + film
+        leads = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_underside_z + wire_mm, *hole)
         return replace(leads, weightless=True)
 
     def _cut_lead_hole(self, shape: Shape, battery_front_x: float) -> Point:

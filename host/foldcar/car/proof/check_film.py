@@ -170,7 +170,10 @@ MAX_OUTSIDE_SLOT_MM2 = 1e-6
 
 
 def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
-    """Yield findings about every join, in each body that has both its faces."""
+    """Yield what is wrong with the joins of the car's pieces.
+
+    A join connects two faces. It is checked in each rigid body of the car that contains both of them.
+    """
     checks = {"tab": _check_tab, "lap": _check_tab, "tab_slot": _check_tongue, "lock": _check_tongue}
     copies: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
     for faces in bodies.values():

@@ -184,8 +184,10 @@ def recorded_run(
 
 
 def drawn_body(body: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is drawn of a car's body: the shapes and places of its parts, from the body object of
-    docs/carsim.md.
+    """Return what is drawn of a car's body: the shapes and places of its segments, hinges and wheels.
+
+    ``body`` is an object as in docs/carsim.md. Of each part, only the
+    values that a drawing needs are kept.
     """
     return {
         "track_m": body["track_m"],

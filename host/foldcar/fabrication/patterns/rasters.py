@@ -151,9 +151,10 @@ def _touched(outline: Polygon, corner_mm: Point, padding_cells: int) -> Cells:
 
 
 def _drawn_by_square_pen(outline: Polygon) -> Any:
-    """Return an array with the area that a square pen, nearly as large as a cell, draws along each edge of a polygon.
+    """Return an array of polygons, one for each edge of ``outline``: the area that a square pen draws along the edge.
 
-    The area is the convex hull of the pen at the start of the edge and the pen at its end.
+    The pen is nearly as large as a cell. The area is the convex hull of the pen at the start of the edge and the pen at
+    its end.
     """
     half = CELL_MM / 2 - TOUCH_MM
     pen = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])

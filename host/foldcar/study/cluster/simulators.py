@@ -140,7 +140,8 @@ class ClusterSimulators:
         self._lock = threading.RLock()
         self._stopped = threading.Event()
         self._recipes: dict[Runner, Recipe] = {}
-        # Each worker's number of threads, and when they were last read from the scheduler; the first time is at once.
+        # Each worker's number of threads, and the time at which they were last read from the scheduler, which has not
+        # happened yet.
         self._threads: dict[str, int] = {}
         self._updated_s = -math.inf
         # Why a worker cannot run a recipe; "" if it can.
@@ -249,7 +250,7 @@ class ClusterSimulators:
         new_workers = [worker for worker in self._threads if (recipe, worker) not in self._faults]
         if not new_workers:
             return
-        # A worker without foldcar can call this function, because it belongs to Python. Its answer is then an exception.
+        # Ask each worker for its version of foldcar. A worker without foldcar answers with an exception.
         versions = self._client.run(importlib.metadata.version, "foldcar", workers=new_workers, on_error="return")
         same_version = [worker for worker in new_workers if versions.get(worker) == __version__]
         faults = {}

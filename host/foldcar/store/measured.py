@@ -30,13 +30,15 @@ def experiment_to_measure(store: Store, named: str | None) -> str:
     experiments += [trial.experiment for trial in store.trials()]
     # Each experiment once, in the order in which they appear.
     experiments = list(dict.fromkeys(experiments))
+    if not experiments:
+        raise FoldcarError(f"{store.path}: has no experiment yet: sweep a listing into it, or drive trials")
     listed = ", ".join(experiments)
-    if named is None and len(experiments) > 1:
-        raise FoldcarError(f"{store.path}: has experiments {listed}: choose one with --experiment")
-    if named is None and experiments:
+    if named is None:
+        if len(experiments) > 1:
+            raise FoldcarError(f"{store.path}: has experiments {listed}: choose one with --experiment")
         return experiments[0]
     if named not in experiments:
-        raise FoldcarError(f'{store.path}: has no experiment "{named or ""}"; it has {listed or "none"}')
+        raise FoldcarError(f'{store.path}: has no experiment "{named}"; it has {listed}')
     return named
 
 

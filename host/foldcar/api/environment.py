@@ -153,14 +153,15 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
 
 
 def _keep_processes_of_latest(asked_for: Environment) -> None:
-    """End the waiting processes of the environment that was asked for longest ago, if there are too many of them.
+    """Record that an environment was used now, and end the processes of the one that was not used for longest.
 
-    ``asked_for`` is the environment that was asked for now.
+    Only a few environments may have waiting processes, because each process needs much memory. ``asked_for`` is the
+    environment that is used now.
     """
     if asked_for in _latest:
         _latest.remove(asked_for)
     elif len(_latest) == _latest.maxlen:
-        # The next line drops this environment.
+        # The list is full. Appending to it, below, removes its first environment.
         _latest[0].end_waiting_processes()
     _latest.append(asked_for)
 

@@ -78,7 +78,10 @@ def _fit_between_cuts(name: str, room_mm: float, part: Quantity, parts: Catalogu
 
 
 def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits of what goes through a hole with this name: wheel screws in their slots, a rod, the USB plug."""
+    """Yield the fits of the part that goes through a hole of film with this name.
+
+    The part is a screw that holds a wheel on the servo's horn, a rod or the USB plug. Other holes have no fits.
+    """
     if name.startswith("horn screw"):
         yield from _horn_screw_fits(hole, parts)
     elif name == "rod":

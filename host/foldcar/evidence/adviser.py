@@ -187,10 +187,11 @@ class Adviser:
         return f"{question} {measure_text}. Then {drive_text}. {gain_text}"
 
     def _planned(self, step: AdvisedStep) -> PlannedStep:
-        """Return a step that a person could do next: with its words, its costs, and the success rates of its design.
+        """Return a step that a person could do next, with its text, its costs and its expected gain.
 
-        A step without a design is to measure a parameter. ``gain`` is by how much the success rate of the recommended
-        design is expected to rise. ``simulated`` is the rate in simulation, ``built`` that of a car that is built next.
+        The gain is by how much the success rate of the recommended design is expected to rise. A step is to drive a car
+        of a design, or, if it has no design, to measure a parameter. ``simulated`` is the design's success rate in
+        simulation. ``built`` is the expected rate of the next car that is built from it.
         """
         text = step_text(self.belief, step, AFTERNOON_TRIALS)
         minutes = max(1, round(step.minutes))

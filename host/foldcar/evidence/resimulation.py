@@ -57,8 +57,8 @@ class Resimulation:
         """Simulate what a trial drove, with the obstacles where they really stood, and return the outcome.
 
         The simulated car deviates from its design as in the swept run of the same sample. Returns None if the store lacks
-        what the trial drove, if the runs of the experiment cannot be repeated here, or after MAX_TRIALS trials. In the
-        last two cases the trial is counted, for a remark.
+        what the trial drove, if the runs of the experiment cannot be repeated here, or after MAX_TRIALS trials. The
+        trials of the last two cases are counted, so that a remark can say how many they are.
         """
         drive = self._store.trial_drive(trial.id)
         if drive is None:

@@ -62,9 +62,10 @@ def car_to_take(belief: Belief) -> int | None:
 
 
 def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return a sentence on which designs reach the threshold, and which ones probably do.
+    """Return a sentence that names the designs that reach the threshold, and those that probably do.
 
-    If none does, the sentence says so, or which design has the best chance.
+    If there are none, the sentence names the design with the best chance. If that chance is small, it says that no design
+    is likely to reach the threshold.
     """
     chances = belief.answers.chances(threshold)
     limit = threshold_text(threshold)

@@ -32,7 +32,7 @@ def save_figure(figure: Any, files: Sequence[Path], dpi: int | None = None, colo
     for file in files:
         check_format(file)
     with drawing_style():
-        # Once for all files, because it takes as long as drawing.
+        # Lay the figure out once for all files. This takes as long as drawing it.
         figure.draw_without_rendering()
         edges_in = figure.get_tightbbox().padded(PADDING_IN)
         figure.set_layout_engine("none")

@@ -40,8 +40,10 @@ def content_policy(program: str = "") -> str:
 
     The page may run the script ``program`` and no other one. So a browser does not run a script that somebody has put
     into a name or a note of a store. The page may show pictures and films from its own folder, also if it was opened as a
-    file, and it cannot contact another computer. Workers are made from the page's own text.
+    file, and it cannot contact another computer. It may start workers, which are threads of the browser, from its own
+    text.
     """
+    # 'wasm-unsafe-eval' allows the page to compile WebAssembly, which it needs for the simulator.
     digest = b64encode(sha256(program.encode()).digest()).decode()
     scripts = f"'sha256-{digest}' 'wasm-unsafe-eval'" if program else "'none'"
     return (

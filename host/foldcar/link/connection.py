@@ -252,6 +252,7 @@ class CarClockRate:
         host_span_s = now.host_s - self._began.host_s
         if host_span_s >= self.SPAN_S:
             car_span_s = now.car_s - self._began.car_s
+            # A slow simulation does not need fewer heartbeats.
             self.value = max(1.0, car_span_s / host_span_s)
             self._began = now
 

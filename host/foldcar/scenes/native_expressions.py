@@ -264,8 +264,9 @@ class Translator:
         raise NotNativeError(shown(node))
 
     def _inside(self, thing: Any, region: Any) -> Terms:
-        """Translate `ego.position in REGION`. Raises NotNativeError if ``thing`` is not the car's position.
+        """Translate `ego.position in REGION` to terms that carsim evaluates.
 
+        Raises NotNativeError if ``thing`` is not the car's position, or if the region changes during a drive.
         `ego in REGION` is another condition, which carsim cannot evaluate: it holds if the whole car is inside.
         """
         if not (self.is_position(thing) and self._is_region(region)):
@@ -275,7 +276,7 @@ class Translator:
         value = self.names.get(region.id) if isinstance(region, ast.Name) else None
         if type(value).__name__ == "PolygonalRegion":
             return _polygonal(value)
-        # The size of another region may be random, so its terms are computed for each sample.
+        # Regions of other kinds, such as a circle, may have a random size. So their terms are computed for each sample.
         return [PerSample(lambda sample: sample.region(region))]
 
     def _is_region(self, node: Any) -> bool:

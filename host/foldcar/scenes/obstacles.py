@@ -95,10 +95,10 @@ class PlacedObject(NamedTuple):
 
 
 def obstacles_of(terrain: Sequence[Mapping[str, Any]], objects: Sequence[PlacedObject]) -> list[Obstacle]:
-    """Return the obstacles that the ``objects`` of a scene are, in their order.
+    """Return the obstacles of a scene, which a person has to place on the floor, in the order of ``objects``.
 
-    Objects with the same middle, such as stacked blocks, are one obstacle. Pieces of the floor itself, such as rough
-    ground, are left out.
+    Each object of the program is an obstacle. Objects with the same middle, such as stacked blocks, are one obstacle.
+    Pieces of the floor itself, such as rough ground, are left out.
     """
     obstacle_by_middle: dict[tuple[float, float], Obstacle] = {}
     for placed in objects:

@@ -69,10 +69,10 @@ def engine_of(reported: str) -> str:
 
 
 def find_carsim(engine: str = MULTIBODY) -> Path:
-    """Return the file of the program that contains this engine.
+    """Return the file of the program that contains this engine, which is a name such as "multibody".
 
     It is the first of these that exists:
-    1. the program that the engine's environment variable names,
+    1. the program that an environment variable names (FOLDCAR_CARSIM for most engines),
     2. the program in the installed wheel,
     3. the program that was built in the checkout,
     4. carsim.wasm, which does not contain MuJoCo (`program_command` starts it by Node).

@@ -337,7 +337,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if self._carsim_result is not None:
             self.run_result = self._carsim_result
             return
-        # The program has ended the run at the last look. That was the last of carsim's steps, unless it was moved back.
+        # The program has ended the run at the state that Scenic saw last. This is the state after the last of carsim's
+        # steps, or an earlier one, if _move_look_back has found that the run ended before.
         last_index = len(self._carsim.rows()) - 1
         self.run_result = self._carsim.end(last_index if self._moved_back_to is None else self._moved_back_to)
 

@@ -108,9 +108,10 @@ class Records:
 
 
 def refuse_misplaced(scenario: Any) -> None:
-    """Raise FoldcarError if a scenario that another one invokes has a condition or a record.
+    """Raise FoldcarError if a scenario that another one invokes has a statement such as `terminate when` or `record`.
 
-    Such a statement has an effect only in the top-level scenario. Scenic 3.1 wrongly treats it as a requirement.
+    Such a statement has an effect only in the top-level scenario. Scenic 3.1 wrongly lists it among the temporal
+    requirements of the invoked scenario.
     """
     for sub in scenic_private.invoked(scenario):
         for statement in scenic_private.temporal_requirements(sub):

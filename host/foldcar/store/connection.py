@@ -257,8 +257,8 @@ def _create_schema(connection: sqlite3.Connection) -> None:
 def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connection]:
     """Yield a connection for writing to the store at ``path``, which is created, with its folder, if it is missing.
 
-    A commit survives the death of the program; with ``synchronous`` FULL also a power cut. Raises StoreError if the
-    store is in use.
+    What is committed is kept if the program is killed. If ``synchronous`` is "FULL", it is also kept in a power cut.
+    Raises StoreError if the store is in use.
     """
     check_name(path)
     if path.is_dir():

@@ -183,8 +183,8 @@ class BoxBeam(Component):
     def _notch(self, end: str, front_x: float, lid_width: float) -> dict[str, Point]:
         """Return the points of a notch in the lid's right edge, from its front side at ``front_x`` (mm) to its rear side.
 
-        The notch makes room for a lever, which fingers press, and is deeper if it also has a pull tab. This grows from
-        ``END grip``, the middle edge of the notch's bottom. x points forward and y to the right.
+        The notch makes room for a lever, which fingers press. Some notches also have a pull tab, which grows from the
+        middle of the notch's bottom, the edge ``END grip``. Such a notch is deeper. x points forward and y to the right.
         """
         assembly = self.parts.assembly
         length, depth = latch_notch(self.parts)

@@ -103,9 +103,9 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
 def _servo_solids(parts: Catalogue) -> list[Solid]:
     """Return the servo's body, its ears, and the three cylinders on its top.
 
-    The *spline* is the end of the shaft. It stands on the *turret*, the round around the shaft. The *idler* is a smaller
-    round beside the turret. The solids are given in the servo's frame: the origin is the middle of the body, x runs along
-    its length, and z points to its bottom, into the car. So the top, where the shaft is, has negative z.
+    The *spline* is the end of the shaft. It stands on the *turret*, a flat cylinder around the shaft. The *idler* is a
+    smaller cylinder beside the turret. The solids are given in the servo's frame: the origin is the middle of the body, x
+    runs along its length, and z points to its bottom, into the car. So the top, where the shaft is, has negative z.
     """
     servo = parts.servo
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value

@@ -288,7 +288,7 @@ class Shape:
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
             clearances: Sequence[ToolClearance] = ()) -> None:  # fmt: skip
-        """Add a part that is bought, not cut from film, and fix it to the face ``on``.
+        """Add a part that is bought, not cut from film, and fix it to the face ``on``. A part has a box around it.
 
         ``part`` is the name of its entry in the parts catalogue. ``name`` is its name in the car, such as "left servo"
         for one of several servos. ``pose`` is the pose of its centre in the frame of the face, ``size_mm`` its size along

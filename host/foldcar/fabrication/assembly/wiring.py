@@ -69,15 +69,16 @@ class OptionalPart:
 
 
 def optional_parts(folded: FoldedCar) -> tuple[OptionalPart, ...]:
-    """Return electronic parts that a maker may add to this car. The text on its wiring says how.
+    """Return electronic parts that a maker may add to this car: what each is for, what it is, and what to search for.
 
-    All but the capacitor are options that a design can choose. An option that this design has is left out.
+    The text on the car's wiring says how to add them. All but the capacitor are options that a design can choose. An
+    option that this design has already is left out.
     """
     capacitor_text = f"capacitor, {supply(folded).capacitor_uf} µF or more, 10 V"
     capacitor = OptionalPart("steadier servos' supply", capacitor_text, "electrolytic capacitor 10 V")
     divider = f"{DIVIDER_UPPER_OHM / 1000:g} kΩ and {DIVIDER_LOWER_OHM / 1000:g} kΩ"
-    # By the name of the option in the catalogue. ``oe_wire`` is a wire to #OE, the input of the servo driver that
-    # enables its outputs.
+    # The keys are the names of the options in the catalogue of parts. ``oe_wire`` is a wire to #OE, the input of the
+    # servo driver that enables its outputs.
     by_option = {
         "oe_wire": OptionalPart(
             "no pulses while the board hangs", f"resistor, {OE_PULL_UP_OHM / 1000:g} kΩ", "resistor 1/4 W"

@@ -220,7 +220,9 @@ def open_environment(
         has_drawn = _generator_states() != states_before
     source = SceneSource(program, program_files, scenario, seed)
     source.has_drawn_early = has_drawn
-    source._open_again = partial(open_environment, program, params, seed, condition)
+    if files is None:
+        # The program is new. An earlier sweep has checked a program whose files are known.
+        source._open_again = partial(open_environment, program, params, seed, condition)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 

@@ -93,10 +93,12 @@ def test_the_other_simulators_go_on_without_one_that_fails(page: Path) -> None:
         tab.wait(READY)
         tab.ask("document.querySelector('#verify button').click()")
         verified = tab.wait(f"/^[✓✗T]/.test({VERIFIED}) && {VERIFIED}", 60)
-        simulators, errors = tab.ask("study.drives.pool.simulators.length"), tab.ask("errors")
+        # The simulator that works may have simulated all runs before the others have failed.
+        tab.wait("study.drives.pool.simulators.length === 1", 20)
+        errors = tab.ask("errors")
 
     runs = len(WIDTHS) * SAMPLES
-    assert verified.startswith(f"✓ {runs} of {runs} runs reproduced") and simulators == 1 and errors == []
+    assert verified.startswith(f"✓ {runs} of {runs} runs reproduced") and errors == []
 
 
 def test_a_task_that_fails_twice_is_given_up_and_others_are_simulated(page: Path) -> None:

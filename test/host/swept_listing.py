@@ -23,6 +23,14 @@ WriteListing = Callable[[Any], Path]
 STEP_PYRAMIDS = Path(__file__).resolve().parents[2] / "scenarios" / "step_pyramids.scenic"
 
 
+def straight_listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Path:
+    """A listing with one width and three samples of ``program``, whose course a car drives straight along."""
+    listing_data["environments"]["1"]["scenic_filename"] = str(program)
+    listing_data["vehicles"]["1"]["params"] = [{"common": {"width": 95}}]
+    listing_data["experiments"]["1"]["params"]["timeout"] = 10
+    return write_listing(listing_data)
+
+
 def foldcar(*words: str | Path) -> str:
     """The output of a command in this process, which must succeed."""
     done = CliRunner().invoke(app, [*map(str, words)])

@@ -22,6 +22,7 @@ from foldcar.api.pictures import SIZE_IN, drawing_of, drawn, picture_html
 from foldcar.errors import FoldcarError
 from foldcar.evidence.adviser import Selection
 from foldcar.evidence.comparison import MARGIN, Comparison, compare
+from foldcar.evidence.remarks import trials_driven_otherwise
 from foldcar.evidence.selecting import select
 from foldcar.notebook_html import lines_html, table_html
 from foldcar.shown_text import shown_value
@@ -381,8 +382,8 @@ def _like_runs(trials: "pandas.DataFrame") -> "tuple[pandas.DataFrame, str]":
     left_out = trials[~is_like_runs]
     if left_out.empty:
         return trials, ""
-    reasons = "; ".join(dict.fromkeys(left_out["unlike_runs"]))
-    text = f"{count_text(len(left_out), 'trial')} left out, not driven as the runs: {reasons}"
+    (remark,) = trials_driven_otherwise(left_out["unlike_runs"])
+    text = remark.removesuffix(".")
     if not is_like_runs.any():
         raise FoldcarError(f"rate: {text}")
     return trials[is_like_runs], f"; {text}"

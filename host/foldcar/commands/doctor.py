@@ -32,7 +32,7 @@ SPEED_RUN_S, SPEED_RUNS = 5.0, 40
 # A measured time is raised to this, because of the clock's noise.
 MIN_COMPUTING_S = 1e-3
 # Level ground without obstacles and without a goal, so large that the car does not leave it.
-LEVEL_SCENE = {
+ENDLESS_SCENE = {
     "friction": 0.6,
     "terrain": [],
     "start": {"x_m": 0, "y_m": 0, "heading_rad": 0},
@@ -224,7 +224,7 @@ def _duration_s(carsim: "Carsim", runs: int) -> float:
         "time_limit_s": SPEED_RUN_S,
         "parameters": firmware_parameters(design, body),
     }
-    bodies, scenes = {"body": json.dumps(body)}, {"scene": json.dumps(LEVEL_SCENE)}
+    bodies, scenes = {"body": json.dumps(body)}, {"scene": json.dumps(ENDLESS_SCENE)}
     request = RunRequest(body="body", scene="scene", settings=json.dumps(settings), label="speed", sample=0)
     started_s = time.perf_counter()
     carsim.run(bodies, scenes, [request] * runs)

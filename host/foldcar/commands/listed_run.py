@@ -1,7 +1,7 @@
 """Finds what a command's options name in a listing: designs of a vehicle, or a run of an experiment in a sample."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,12 +54,6 @@ class ListedRun:
             return ""
         difference = side_view_limits(self.carsim, self.experiment, self.environment)
         return f"note: {side_view_warning(difference)}" if difference else ""
-
-    def with_design(self, design: "Design") -> "ListedRun":
-        """Return the run of another design in the same environment, with the same variation."""
-        from foldcar.car.body import body_json
-
-        return replace(self, design=design, body=body_json(design))
 
     def variation_in(self, sample: int, car: str | None = None) -> dict[str, Any]:
         """Return how the car in another sample differs from its design.

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 # Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
 MAX_ITERATIONS = 2000
 SAMPLE_LIMIT_S = 40.0
+# The stream of random values that the `pieces` of a program's classes draw.
+PIECES = "/pieces"
 
 
 class SceneSource:
@@ -115,7 +117,7 @@ class SceneSource:
         place = f"{self.program}: sample {k}"
         self._translate()
         try:
-            with seeded(f"{self.seed}/{k}"), self.files.inside(), contained(SAMPLE_LIMIT_S, place, self.program):
+            with self._drawing(k):
                 scene, _ = self.scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
         except RejectionException:
             raise FoldcarError(
@@ -150,15 +152,15 @@ class SceneSource:
     def terrain_objects(self) -> list[tuple[str, int]]:
         """Return name and number of pieces of each terrain object, in sample 0's order. Raises FoldcarError."""
         scene = self.scenic_scene(0)
-        with self._describing(0):
+        with self._drawing(k=0, stream=PIECES):
             return terrain_objects(self.scenario, scene)
 
     @contextlib.contextmanager
-    def _describing(self, k: int) -> Iterator[None]:
-        """In the block, sample ``k`` is described. Classes of the program may draw random values for their `pieces`."""
+    def _drawing(self, k: int, stream: str = "") -> Iterator[None]:
+        """Run the program's code in the block, to draw sample ``k``. Its random values depend on ``k`` and ``stream``."""
         place = f"{self.program}: sample {k}"
         with (
-            seeded(f"{self.seed}/{k}/pieces"),
+            seeded(f"{self.seed}/{k}{stream}"),
             self.files.inside(),
             contained(SAMPLE_LIMIT_S, place, self.program),
         ):
@@ -166,7 +168,7 @@ class SceneSource:
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         """Convert sample ``k``, a Scene of Scenic, to a "scene" object of docs/carsim.md. Return it and its obstacles."""
-        with self._describing(k):
+        with self._drawing(k, stream=PIECES):
             return scene_with_obstacles(
                 scene,
                 self.program,

@@ -37,7 +37,11 @@ def trials_unlike_runs(store: Store) -> dict[int, str]:
         if info.id != info.listed_id:
             # A variant, such as the experiment in another engine. It has the trials of the nominal experiment.
             continue
-        reasons |= other_drives(store, info, list(store.trials(info.id)))
+        trials = list(store.trials(info.id))
+        if not trials:
+            # Reading the bodies and the settings of all designs is slow.
+            continue
+        reasons |= other_drives(store, info, trials)
         reasons |= dict.fromkeys(store.trials_in_other_environments(info), "another environment")
     return reasons
 

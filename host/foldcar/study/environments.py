@@ -102,14 +102,15 @@ class ExperimentEnvironment:
         """
         if self._source is None:
             return []
-        notes = [f"sample 0: {note}" for note in scene_notes(self.sample(0))]
+        scene = self.sample(0)
+        notes = [f"sample 0: {note}" for note in scene_notes(scene)]
         if self._source.has_drawn_early:
             # Random values that are drawn while the program is compiled are the same in all samples.
             notes.append(EARLY_DRAW)
         experiment = self._experiment
         # The cars of all samples are alike without variation. If the scenes are alike as well, so are the runs.
         has_equal_cars = not experiment.variation
-        if experiment.environments > 1 and has_equal_cars and self.sample(1) == self.sample(0):
+        if experiment.environments > 1 and has_equal_cars and self.sample(1) == scene:
             notes.append(ALIKE)
         return notes
 

@@ -100,8 +100,8 @@ class DriveView:
             has_announced = False
             with live if console.is_terminal else contextlib.nullcontext():
                 while not self._ended.wait(REFRESH_S):
-                    announcement = self._announcement(car)
-                    if announcement is not None and not has_announced:
+                    announcement = None if has_announced else self._announcement(car)
+                    if announcement is not None:
                         self._lines.append(announcement)
                         has_announced = True
                     while self._lines:

@@ -24,7 +24,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment, read_study
 from foldcar.study.sweep import Sweep
-from swept_listing import WriteListing, rows, swept
+from swept_listing import WriteListing, rows, straight_listing, swept
 
 COURSE = "ego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (0.6, 0), facing -90 deg\n"
 HEAD = f"model model\n{COURSE}"
@@ -47,10 +47,7 @@ def program(tmp_path: Path) -> Path:
 @pytest.fixture
 def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Path:
     """A width, three samples of ``program``."""
-    listing_data["environments"]["1"]["scenic_filename"] = str(program)
-    listing_data["vehicles"]["1"]["params"] = [{"common": {"width": 95}}]
-    listing_data["experiments"]["1"]["params"]["timeout"] = 10
-    return write_listing(listing_data)
+    return straight_listing(write_listing, listing_data, program)
 
 
 @pytest.fixture

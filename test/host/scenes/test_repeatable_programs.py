@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from swept_listing import WriteListing
+from swept_listing import WriteListing, straight_listing
 
 HEAD = "model model\nego = new Robot at (0, 0), facing -90 deg\ngoal = new Goal at (0.6, 0), facing -90 deg\n"
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -22,10 +22,7 @@ def program(tmp_path: Path) -> Path:
 @pytest.fixture
 def listing(write_listing: WriteListing, listing_data: Any, program: Path) -> Path:
     """A width, three samples of ``program``."""
-    listing_data["environments"]["1"]["scenic_filename"] = str(program)
-    listing_data["vehicles"]["1"]["params"] = [{"common": {"width": 95}}]
-    listing_data["experiments"]["1"]["params"]["timeout"] = 10
-    return write_listing(listing_data)
+    return straight_listing(write_listing, listing_data, program)
 
 
 @pytest.mark.parametrize(
